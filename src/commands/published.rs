@@ -1,4 +1,4 @@
-//! `isoflop published`: scores that papers print, with the best runs of sweeps beside them.
+//! `isoflop published`: scores from papers, next to the best runs of sweeps.
 
 use super::prelude::*;
 use isoflop::record::{ScoreRow, ScoredRun, read_scores, write_published};
@@ -6,9 +6,9 @@ use isoflop::scores::published::{self, EVALUATORS, Printed, Published};
 
 #[derive(Args)]
 pub struct PublishedArgs {
-    /// Sweeps' folders with scores: the best run of each generator by FID is shown beside the rest
+    /// Sweeps' folders with scores: adds the best run by FID of each generator
     pub results: Vec<PathBuf>,
-    /// Only rows of this data set, as HumanML3D
+    /// Only rows of this data set, e.g. HumanML3D
     #[arg(long)]
     pub dataset: Option<String>,
     /// The folder to write published.parquet and published.csv to
@@ -33,7 +33,7 @@ pub fn published(args: &PublishedArgs, output: &Output) -> Result<Exit> {
     output.result(&json!({ "rows": rows, "sources": published::SOURCES }), &text(&rows))
 }
 
-/// The run of the lowest FID of each generator.
+/// The run with the lowest FID of each generator.
 fn best(runs: &[ScoredRun]) -> impl Iterator<Item = &ScoredRun> {
     let fid = |run: &ScoredRun| run.score("fid").map_or(f64::INFINITY, |[mean, _]| mean);
     let mut best: BTreeMap<&str, &ScoredRun> = BTreeMap::new();
@@ -46,7 +46,7 @@ fn best(runs: &[ScoredRun]) -> impl Iterator<Item = &ScoredRun> {
     best.into_values()
 }
 
-/// A table an evaluator and data set.
+/// One table per evaluator and data set.
 fn text(rows: &[ScoreRow]) -> String {
     let groups = rows.chunk_by(|a, b| (&a.evaluator, &a.dataset) == (&b.evaluator, &b.dataset));
     let text: String = groups.map(of_group).collect();

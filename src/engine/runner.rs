@@ -265,9 +265,9 @@ pub enum Track {
 impl Track {
     /// Each with a line for the help.
     pub const ALL: [(Self, &'static str); 3] = [
-        (Self::Tensorboard, "Event files in results/NAME/tensorboard, whatever trains"),
-        (Self::Wandb, "Weights & Biases; by `trainer: torch`"),
-        (Self::Mlflow, "MLflow; by `trainer: torch`"),
+        (Self::Tensorboard, "Event files in results/NAME/tensorboard; for any trainer"),
+        (Self::Wandb, "Weights & Biases; needs `trainer: torch`"),
+        (Self::Mlflow, "MLflow; needs `trainer: torch`"),
     ];
 
     /// The name on the command line and for trainers.

@@ -102,7 +102,7 @@ const FIGURES: [Figure; 8] = [
     ("tokenizers", tokenizers::tokenizers),
 ];
 
-/// The figures that a sweep may have: one on one data set has no figure of data, and is not told so.
+/// The figures of a sweep. Without data shares it has no figure of data, and no note says so.
 fn figures(input: &FigureInput) -> impl Iterator<Item = Figure> {
     let has_shares = best_loss::has_shares(input.records);
     FIGURES.into_iter().filter(move |(name, _)| *name != LOSS_VS_DATA || has_shares)
@@ -113,15 +113,15 @@ pub fn names() -> [&'static str; FIGURES.len()] {
     FIGURES.map(|(name, _)| name)
 }
 
-/// Draws the figures that are wanted by name and that the input allows into `folder`, as `<name>.svg` and
-/// its kin.
+/// Draws into `folder` the figures that are wanted by name and that the input allows, as `<name>.svg`, `.png`
+/// and `.pdf`.
 ///
-/// The folder is made where it is missing; each file appears whole, by rename. The files are
-/// the same, byte for byte, at each call with the same input.
+/// The folder is made if it is missing; each file is renamed into place. The same input gives the same files,
+/// byte for byte.
 ///
 /// # Errors
 ///
-/// Where a file cannot be written, or the laws count FLOPs by a rule that no run records.
+/// A file cannot be written, or the laws count FLOPs by a rule that no run records.
 pub fn draw_all(
     input: &FigureInput,
     folder: &Path,
@@ -144,8 +144,8 @@ pub fn draw_all(
     Ok(drawn)
 }
 
-/// Writes a figure that stands by itself as `<name>.svg` and its kin: [`codes`], [`compare`], [`generators`] or
-/// [`quality`](quality()). Gives their paths.
+/// Writes a single figure in each format: [`codes`], [`compare`], [`generators`] or [`quality`](quality()).
+/// Returns the paths.
 ///
 /// # Errors
 ///
@@ -162,7 +162,7 @@ pub fn draw_alone(
     write(&scene, folder, name, formats)
 }
 
-/// Writes `<name>.svg` and its kin, each whole, by rename; gives their paths.
+/// Writes a figure in each format, renaming each file into place; returns the paths.
 fn write(
     scene: &Scene,
     folder: &Path,

@@ -20,7 +20,7 @@ use crate::jobs::{Job, JobId, JobState, ResultsFolder, time_left};
 use crate::machine;
 use crate::progress::stop_on_signals;
 
-/// Processes of this machine, until all is done.
+/// Processes on this machine; returns when all are done.
 pub struct Local;
 
 /// FLOPs of jobs that take a minute or more.
@@ -36,7 +36,7 @@ impl Engine for Local {
     }
 
     fn about(&self) -> &'static str {
-        "Processes of this machine, until all is done"
+        "Processes on this machine; returns when all are done"
     }
 
     fn session<'a>(&self, request: &'a SweepRequest<'a>) -> Result<Box<dyn Session + 'a>> {

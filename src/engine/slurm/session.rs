@@ -18,7 +18,7 @@ use crate::sweep::read_profile;
 use crate::units::quoted;
 use std::time::{Duration, Instant};
 
-/// Jobs of a cluster: submits them and returns at once.
+/// Jobs on a cluster; submits them and returns at once.
 pub struct Slurm;
 
 impl Engine for Slurm {
@@ -27,7 +27,7 @@ impl Engine for Slurm {
     }
 
     fn about(&self) -> &'static str {
-        "Jobs of a cluster: submits them and returns at once"
+        "Jobs on a cluster; submits them and returns at once"
     }
 
     fn hands_over(&self) -> bool {

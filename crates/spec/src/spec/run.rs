@@ -245,9 +245,9 @@ section! {
         /// How far motions are moved away from those without text; `autoregressive` knows no guidance and is
         /// scored without.
         guidance: f64 = 0.0;
-        /// How far a tokenizer with language follows the caption when it decodes.
+        /// Strength of caption guidance in decoding, for a tokenizer with language.
         detokenizer_guidance: f64 = 0.0;
-        /// What logits are divided by; 0 takes the likeliest code.
+        /// Divisor of the logits; 0 takes the likeliest code.
         temperature: f64 = 1.0;
         /// Codes are drawn among the likeliest so many.
         top_k: Option<usize> = None, unless "Option::is_none";
