@@ -118,7 +118,7 @@ pub trait Engine: Sync {
     /// The engine cannot be reached, or cannot do what is asked for.
     fn session<'a>(&self, request: &'a SweepRequest<'a>) -> Result<Box<dyn Session + 'a>>;
 
-    /// What the engine says of a sweep, beside the sweep's folder; `None` where it has nothing of it.
+    /// What the engine says of a sweep, beside the sweep's folder; `None` if it has nothing of it.
     ///
     /// # Errors
     /// The engine's files cannot be read.

@@ -22,7 +22,7 @@ pub fn loss_vs_budget(sources: &Sources) -> Drawing {
     let laws = sources.laws()?;
     let (minima, answer) = (known_minima(laws)?, laws.answer());
     let others = others(laws, sources.loss_symbol());
-    // The loss of the optimum along the fitted budgets, by the law to believe.
+    // The loss of the optimum along the fitted budgets, by the recommended law.
     let path = answer.path.iter().filter_map(|at| Some((at.budget_flops, at.loss?)));
     let path: Vec<_> = path.collect();
     let budgets = minima.iter().map(|(minimum, _)| minimum.budget_flops);
@@ -69,7 +69,7 @@ struct Other<'a> {
     about: String,
 }
 
-/// The log law and the law with a floor, if they are not the law to believe; the loss has a symbol and a unit.
+/// The log law and the law with a floor, if they are not the recommended law; the loss has a symbol and a unit.
 fn others<'a>(laws: &'a Laws, words: [&str; 2]) -> Vec<Other<'a>> {
     let own = laws.recommended_law();
     let log = laws.loss.log.as_ref().filter(|_| own != Candidate::Log).map(|law| Other {

@@ -83,7 +83,7 @@ pub fn within_reach(points: &[(f64, Role)]) -> Vec<f64> {
     values.filter(|value| has_none || reach.contains(value)).collect()
 }
 
-/// Says how many minima a figure's axes leave outside; empty where all are shown.
+/// Says how many minima a figure's axes leave outside; empty if all are shown.
 pub fn outside_remark(hidden: usize) -> String {
     match hidden {
         0 => String::new(),
@@ -115,7 +115,7 @@ pub struct Quantity {
     /// The exponent's symbol.
     pub exponent: &'static str,
     pub of: fn(&Minimum) -> f64,
-    /// Its symbol in what the law to believe says.
+    /// Its symbol in what the recommended law says.
     symbol: &'static str,
 }
 
@@ -160,7 +160,7 @@ impl Quantity {
         answer.exponents.of(self.symbol).filter(|own| own.value.is_some())
     }
 
-    /// C, the value there and its 95 % interval along the fitted budgets; empty where the exponent is not
+    /// C, the value there and its 95 % interval along the fitted budgets; empty if the exponent is not
     /// determined.
     pub fn path(&self, answer: &Answer) -> Vec<(f64, Coefficient)> {
         let told = self.exponent_of(answer).is_some();

@@ -16,7 +16,7 @@ use crate::laws::{Answer, Coefficient, Laws, Minimum, Parameters};
 
 // Against C.
 
-/// N_nv, N_v and D of the optimum against C, by the law to believe (ScaMo Fig. 7).
+/// N_nv, N_v and D of the optimum against C, by the recommended law (ScaMo Fig. 7).
 pub fn power_laws(sources: &Sources) -> Drawing {
     let laws = sources.laws()?;
     let (minima, answer) = (known_minima(laws)?, laws.answer());

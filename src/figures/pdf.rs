@@ -166,7 +166,7 @@ struct Subset {
 }
 
 impl Subset {
-    /// Those of a weight that a page shows; `None` where it shows none.
+    /// Those of a weight that a page shows; `None` if it shows none.
     fn of(scene: &Scene, weight: Weight) -> Option<Subset> {
         let texts = scene.shapes.iter().filter_map(|shape| match shape {
             Shape::Text(text) if text.weight == weight => Some(&text.content),

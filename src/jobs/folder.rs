@@ -166,7 +166,7 @@ impl ResultsFolder {
         RunStates(listed.filter_map(name).map(known).map(|(state, id)| (id, state)).collect())
     }
 
-    /// The record of a finished run; `None` where it has none.
+    /// The record of a finished run; `None` if it has none.
     pub fn record(&self, run_id: &str) -> Result<Option<RunRecord>, FileError> {
         read_if_there(&self.run(run_id).join("record.json"))
     }

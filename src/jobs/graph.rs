@@ -94,7 +94,7 @@ impl<'a> Wanted<'a> {
         Self { folder, inputs, known: HashMap::new(), jobs: Vec::new() }
     }
 
-    /// The job with only those needs left that are still to be made; `None` where one is lost.
+    /// The job with only those needs left that are still to be made; `None` if one is lost.
     fn take(&mut self, mut job: Job) -> Option<Job> {
         let needed: Vec<Availability> =
             job.needs.iter().map(|need| self.availability(need)).collect();

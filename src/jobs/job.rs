@@ -157,7 +157,7 @@ pub struct Job {
     /// FLOPs, to order jobs and to weigh progress; a rough figure for all that does not train a
     /// generator.
     pub cost: f64,
-    /// Memory expected at its peak, in bytes; 0 where that is not known.
+    /// Memory expected at its peak, in bytes; 0 if that is not known.
     pub peak_bytes: u64,
     /// What must be there first.
     pub needs: Vec<JobId>,
@@ -246,7 +246,7 @@ fn trunk(trunk: &Trunk) -> Job {
     }
 }
 
-/// The run that tries a program of somebody's own before the others: the cheapest.
+/// The run that tries a user's program before the others: the cheapest.
 fn canary(plan: &Plan) -> Option<&PlannedRun> {
     let cheapest = plan.runs.iter().min_by(|a, b| a.own_flops().total_cmp(&b.own_flops()));
     cheapest.filter(|_| plan.canary)
@@ -262,7 +262,7 @@ fn run(run: &PlannedRun, captions: &[JobId], canary: Option<&PlannedRun>, plan: 
         id: JobId::run(&run.run_id),
         label: run.spec.label(),
         cost: run.own_flops(),
-        // What a program of somebody's own takes is not known.
+        // What a user's program takes is not known.
         peak_bytes: run.known_peak_bytes().unwrap_or(0),
         needs: captions.iter().cloned().chain(first).chain(codes).chain(trunk).collect(),
     }

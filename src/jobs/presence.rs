@@ -101,7 +101,7 @@ fn try_twice(lock: &File) -> Result<(), TryLockError> {
 /// Waits until no other worker has this job, and keeps it from others for as long as it lives.
 ///
 /// The worker of a scheduler that was killed may still be at its last step while the next
-/// scheduler starts another one. `None` where a stop was asked for first.
+/// scheduler starts another one. `None` if a stop was asked for first.
 pub fn claim(job: &Path, stop: &Stop) -> AnyResult<Option<File>> {
     let path = job.join(LOCK);
     let file = File::create(&path).map_err(FileError::write(&path))?;
@@ -134,7 +134,7 @@ pub fn is_locked(place: &Path) -> bool {
     matches!(lock.try_lock_shared(), Err(TryLockError::WouldBlock))
 }
 
-/// Who has the folder; `None` where nobody does, or where it has not said so yet.
+/// Who has the folder; `None` if nobody does, or where it has not said so yet.
 pub fn scheduler(folder: &ResultsFolder) -> Option<Scheduler> {
     let noted = read_if_there(&folder.file(SCHEDULER)).ok().flatten();
     noted.filter(|_| is_held(folder))

@@ -232,7 +232,7 @@ struct Sample<'a> {
     caption: &'a str,
     /// Frames.
     length: usize,
-    /// Frames a second.
+    /// Frames per second.
     fps: f64,
     run: &'a str,
 }

@@ -142,7 +142,7 @@ fn measure(runs: &[&PlannedRun], device: &Device, probes: usize) -> Vec<Rate> {
     picked.into_iter().filter_map(|i| sizes.get(i)).map(|run| rate(run)).collect()
 }
 
-/// Budget FLOPs a second of a run's training step, the median of as many as fit the time; 0 where the
+/// Budget FLOPs a second of a run's training step, the median of as many as fit the time; 0 if the
 /// device makes no step.
 fn flops_per_second(run: &PlannedRun, device: &Device) -> f64 {
     let mut probe = generator::of(&run.spec).probe(&run.spec, device);

@@ -90,7 +90,7 @@ pub fn time_left(
     }))
 }
 
-/// Reads how far a sweep is; `None` where the folder is no sweep's.
+/// Reads how far a sweep is; `None` if the folder is no sweep's.
 ///
 /// # Errors
 /// A file is damaged, or cannot be read.

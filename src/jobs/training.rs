@@ -24,7 +24,7 @@ use crate::spec::RunSpec;
 use crate::text::TextStore;
 use crate::tokenizer::Tokenizer;
 
-/// Trains a run from where it stands, or has a program of somebody's own do so; its record is
+/// Trains a run from where it stands, or has a user's program do so; its record is
 /// written whole, after everything else.
 pub fn train_run(assignment: &Assignment) -> Result<Outcome> {
     let spec: RunSpec = assignment.spec()?;

@@ -26,18 +26,18 @@ pub struct Plan {
     pub tokenizers: Vec<TokenizerJob>,
     /// Where runs share their beginnings: what they have in common, in the order of training.
     pub trunks: Vec<Trunk>,
-    /// `None` where the sweep has no motion, so no captions.
+    /// `None` if the sweep has no motion, so no captions.
     pub text: Option<TextJob>,
-    /// `None` where the sweep names none.
+    /// `None` if the sweep names none.
     pub evaluator: Option<EvaluatorJob>,
     /// Of the runs that are scored.
     pub scores: Vec<ScoreJob>,
     pub data: DataFacts,
     /// Vocabularies that have another number of codes than the sweep names.
     pub renamed: Vec<Renamed>,
-    /// Combinations of the keys that the sweep varies; 1 where it varies none.
+    /// Combinations of the keys that the sweep varies; 1 if it varies none.
     pub n_variants: usize,
-    /// Whether the cheapest run goes before all others, to try a program of somebody's own.
+    /// Whether the cheapest run goes before all others, to try a user's program.
     pub canary: bool,
     /// What a person should know of its training.
     remarks: Vec<String>,
@@ -171,7 +171,7 @@ impl Plan {
         (weights + trunks + codes) as u64
     }
 
-    /// The tokenizer that a run waits for; `None` where the sweep has no motion.
+    /// The tokenizer that a run waits for; `None` if the sweep has no motion.
     pub fn tokenizer_of(&self, run: &PlannedRun) -> Option<&TokenizerJob> {
         self.tokenizers.iter().find(|job| job.id() == run.spec.tokenizer_id)
     }
@@ -221,7 +221,7 @@ pub fn demand(sweep: &Sweep) -> Option<Demand> {
 /// Stands in a run for the id of a tokenizer where the sweep has no motion.
 pub const NO_TOKENIZER: &str = "none";
 
-/// The tokenizers of all cells, each once, and where each cell's own are, one a seed; none where the
+/// The tokenizers of all cells, each once, and where each cell's own are, one a seed; none if the
 /// sweep has no data to train one on.
 fn tokenizers(
     sweep: &Sweep,

@@ -20,14 +20,14 @@ pub struct PlannedRun {
     pub achieved_ratio: f64,
     /// What the built-in trainer takes.
     pub peak_bytes: u64,
-    /// The trunk that it branches off; `None` where it is trained alone.
+    /// The trunk that it branches off; `None` if it is trained alone.
     pub trunk_id: Option<String>,
-    /// Times that the run sees each token of the training split; `None` where it is not here.
+    /// Times that the run sees each token of the training split; `None` if it is not here.
     pub epochs: Option<f64>,
 }
 
 impl PlannedRun {
-    /// Bytes at the run's peak; `None` where a trainer other than the built-in one takes what it takes.
+    /// Bytes at the run's peak; `None` if a trainer other than the built-in one takes what it takes.
     pub fn known_peak_bytes(&self) -> Option<u64> {
         self.spec.trainer.is_none().then_some(self.peak_bytes)
     }

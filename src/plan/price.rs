@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Prices every cell of a sweep's grid, over training clips of these shapes; none where they are not known.
+/// Prices every cell of a sweep's grid, over training clips of these shapes; none if they are not known.
 pub fn price(sweep: &Sweep, clips: &BTreeMap<ClipShape, f64>) -> (Vec<PricedCell>, Vec<Dropped>) {
     let (kept, excluded) = cells(sweep);
     let mut dropped: Vec<Dropped> =
@@ -113,7 +113,7 @@ impl Price<'_> {
 // A step takes so many supervised tokens, and a clip that straddles two steps goes through the network in
 // both. So the price of a token hangs on how long clips are beside a step.
 
-/// Forward FLOPs a supervised token, on the mean over the clips and over where steps part them.
+/// Forward FLOPs a supervised token, on average over the clips and over where steps part them.
 fn exact_per_token(
     generator: &dyn Pricing,
     codes: &Grid,
@@ -131,7 +131,7 @@ fn exact_per_token(
     flops / tokens
 }
 
-/// The sum over the parts that steps of `step` places make of a clip of `n`, on the mean over where in a step
+/// The sum over the parts that steps of `step` places make of a clip of `n`, on average over where in a step
 /// it begins.
 fn over_steps(n: usize, step: usize, of_part: impl Fn(Range<usize>) -> f64) -> f64 {
     let whole = step.saturating_add(1).saturating_sub(n) as f64;

@@ -120,7 +120,7 @@ pub struct PricedCell {
     pub flops_per_token: FlopsPerToken,
     pub spending: Spending,
     pub pace: Pace,
-    /// Cells of one number share a trunk; `None` where nothing is shared.
+    /// Cells of one number share a trunk; `None` if nothing is shared.
     pub group: Option<usize>,
 }
 

@@ -16,7 +16,7 @@ pub struct CellRate {
     pub best_loss: f64,
     /// The rate at the bottom of the parabola in ln lr through it and the rates on both sides.
     pub optimal_lr: f64,
-    /// Nats that a factor e from there costs; none where a rate beside it diverged.
+    /// Nats that a factor e from there costs; none if a rate beside it diverged.
     pub nats_per_ln2: Option<f64>,
     /// L_u at the sweep's own rate.
     pub own_loss: Option<f64>,
@@ -25,7 +25,7 @@ pub struct CellRate {
 }
 
 impl CellRate {
-    /// Of the rates that were tried, ascending factors of √2 with their losses; none where all of them
+    /// Of the rates that were tried, ascending factors of √2 with their losses; none if all of them
     /// diverged.
     fn of(place: Place, rates: &[(i32, f64)]) -> Option<Self> {
         let lr = |rate: i32| place.lr * rate_factor(rate);
@@ -111,7 +111,7 @@ pub struct Rule {
     pub schedule_gain: Option<[f64; 2]>,
 }
 
-/// The rule that the trials at some cells tell; none where fewer than two cells have a best rate.
+/// The rule that the trials at some cells tell; none if fewer than two cells have a best rate.
 ///
 /// The rate is a power of N_nv and D through the cells' best rates, drawn towards what is expected by as
 /// much as few cells leave open. Another batch, or schedule, is taken where it is clearly better over all

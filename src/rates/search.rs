@@ -60,7 +60,7 @@ pub struct Trial {
     /// Which of the cells.
     pub cell: usize,
     pub setting: Setting,
-    /// L_u in nats; none where the run diverged, or the budget does not bear the setting.
+    /// L_u in nats; none if the run diverged, or the budget does not bear the setting.
     pub loss: Option<f64>,
 }
 
@@ -77,7 +77,7 @@ const STEP: i32 = 2;
 const FARTHEST_RATE: i32 = 10;
 const FARTHEST_BATCH: i32 = 3;
 
-/// The next trials at `n_cells` cells, (cell, setting); none where the search is over.
+/// The next trials at `n_cells` cells, (cell, setting); none if the search is over.
 ///
 /// First the rates of each cell, a factor of 2 apart, until the best has a worse one on both sides. Then
 /// batches, each cell's rate moved by √2 for each factor of 2 (Malladi et al. 2022), until the best of all

@@ -98,7 +98,7 @@ impl RunRecord {
         self.planned.share.unwrap_or(1.0)
     }
 
-    /// L_u on each block of the test split, less their mean; empty where it is not known.
+    /// L_u on each block of the test split, less their mean; empty if it is not known.
     fn by_block(&self) -> Vec<f64> {
         let losses = (0..).map_while(|block| self.metrics.get(&block_metric(block)));
         let losses: Vec<f64> = losses.collect();
@@ -141,7 +141,7 @@ impl RunRecord {
     }
 }
 
-/// FLOPs of their budgets that runs spent a second, one at a time; `None` where that is no rate. Runs
+/// FLOPs of their budgets that runs spent a second, one at a time; `None` if that is no rate. Runs
 /// whose time is not known are left out.
 pub fn flops_per_second(records: impl IntoIterator<Item = RunRecord>) -> Option<f64> {
     let (mut flops, mut seconds) = (0.0, 0.0);
@@ -158,7 +158,7 @@ pub fn flops_per_second(records: impl IntoIterator<Item = RunRecord>) -> Option<
 pub struct Metrics(BTreeMap<Cow<'static, str>, f64>);
 
 impl Metrics {
-    /// The value of a metric; `None` where the run was not measured so.
+    /// The value of a metric; `None` if the run was not measured so.
     pub fn get(&self, name: &str) -> Option<f64> {
         self.0.get(name).copied()
     }

@@ -41,7 +41,7 @@ fn at_equal_flops(record: &RunRecord, rule: FlopsRule, point: &IsoFlopPoint) -> 
 pub struct Tuned {
     /// In their order; all of them where nothing was varied.
     pub records: Vec<RunRecord>,
-    /// How often each variant was the best, in a sentence; `None` where nothing was varied.
+    /// How often each variant was the best, in a sentence; `None` if nothing was varied.
     pub told: Option<String>,
 }
 

@@ -118,7 +118,7 @@ fn gather_profile(text: &str) -> Result<SlurmSection, Vec<Problem>> {
     }
 }
 
-/// A problem of what is left, at its place in the file; `None` where it may only stem from what
+/// A problem of what is left, at its place in the file; `None` if it may only stem from what
 /// was taken out: a list that is too short.
 fn led_back(problem: Problem, removed: &RemovedEntries) -> Option<Problem> {
     let axes = ["grid.models", "grid.vocab", "grid.budgets"];

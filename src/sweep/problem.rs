@@ -185,7 +185,7 @@ pub struct Location {
     pub value: Range<usize>,
 }
 
-/// Byte ranges of every entry of a YAML text, by path; empty where the text is no YAML.
+/// Byte ranges of every entry of a YAML text, by path; empty if the text is no YAML.
 pub fn locations(text: &str) -> HashMap<String, Location> {
     let bytes: Vec<usize> = text.char_indices().map(|(byte, _)| byte).chain([text.len()]).collect();
     let mut walk = Walk { bytes, stack: Vec::new(), locations: HashMap::new() };

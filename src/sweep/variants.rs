@@ -12,7 +12,7 @@ const SECTIONS: [&str; 3] = ["train", "model", "tokenizer"];
 /// A sweep with one value for each varied key.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variant {
-    /// `train.lr=0.001, train.weight_decay=0`; `None` where nothing is varied.
+    /// `train.lr=0.001, train.weight_decay=0`; `None` if nothing is varied.
     pub label: Option<String>,
     pub sweep: Sweep,
 }

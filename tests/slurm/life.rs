@@ -8,7 +8,7 @@ use super::cluster::{OnSlurm, active, cluster};
 use super::support::processes::kill_9;
 use super::support::records;
 
-/// Some seconds a run, and a checkpoint ten times a second.
+/// Some seconds a run, and a checkpoint ten times per second.
 const LONGER: [&str; 2] = ["grid.budgets=[8e9, 1.6e10]", "grid.vocab=[16]"];
 
 fn assert_undisturbed(sweep: &OnSlurm) {

@@ -5,7 +5,7 @@
 //! ```
 //! use isoflop_spec::failure::FailureKind;
 //!
-//! // What a person can do about it, where that is known.
+//! // What a person can do about it, if known.
 //! assert!(FailureKind::DiskFull.advice().is_some());
 //! ```
 
@@ -101,7 +101,7 @@ impl FailureKind {
         self.facts().2
     }
 
-    /// What the system's refusal means; `None` where it is none of those that are told apart.
+    /// What the system's refusal means; `None` if it is none of those that are told apart.
     pub fn of_io(error: &io::Error) -> Option<Self> {
         match error.raw_os_error()? {
             // EFBIG, ENOSPC, EDQUOT.

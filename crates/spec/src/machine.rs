@@ -87,7 +87,7 @@ extern "C" fn on_abort(_: libc::c_int) {
 pub struct Kills(Vec<(PathBuf, u64)>);
 
 impl Kills {
-    /// The counts now; nothing where the system shows none.
+    /// The counts now; nothing if the system shows none.
     pub fn so_far() -> Self {
         let events = ["memory.events", "memory.oom_control"];
         let groups = own_groups(Path::new("/"));
@@ -111,7 +111,7 @@ fn kills(path: &Path) -> Option<u64> {
 // How much memory jobs may have together: what the machine and its control groups leave.
 
 /// Bytes that new processes can have: what the kernel calls available, or less where a control
-/// group of this process has a limit. `None` where the system does not tell.
+/// group of this process has a limit. `None` if the system does not tell.
 pub fn available() -> Option<u64> {
     available_under(Path::new("/"))
 }
@@ -172,7 +172,7 @@ fn left_in(group: &Path) -> Option<u64> {
 
 // How much memory a worker took.
 
-/// The most memory that this process had to itself, in bytes; 0 where the system does not tell.
+/// The most memory that this process had to itself, in bytes; 0 if the system does not tell.
 ///
 /// Files that it maps are left out: the processes beside it share them, and the kernel drops their
 /// pages when memory is short.

@@ -213,7 +213,7 @@ struct Motion {
     pub seed: u64,
     /// Frames.
     pub length: usize,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
     pub seconds: f64,
     /// Scale after scale.

@@ -205,7 +205,7 @@ struct Offer {
 /// What sweeps are made of and measured by.
 struct Terms<'a> {
     pub hours: f64,
-    /// Codes of the training split; `None` where they have no end.
+    /// Codes of the training split; `None` if they have no end.
     pub unique_tokens: Option<usize>,
     /// Hours and runs.
     pub price: &'a dyn Fn(&Design) -> Result<(f64, usize)>,

@@ -67,7 +67,7 @@ impl LocalPool<'_> {
         self.display.idle(slot);
     }
 
-    /// Starts a job, and again where its process died; `None` where that must wait until it can run
+    /// Starts a job, and again where its process died; `None` if that must wait until it can run
     /// alone.
     fn attempt(&self, job: &Job, slot: usize, shared: &Shared) -> Option<JobEnd> {
         loop {

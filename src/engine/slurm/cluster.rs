@@ -29,7 +29,7 @@ pub(super) struct Cluster<'a> {
     pub asked: Option<usize>,
 }
 
-/// The settings and the ledger of a folder that a command looks into; `None` where nothing was ever
+/// The settings and the ledger of a folder that a command looks into; `None` if nothing was ever
 /// submitted from it.
 pub fn of_folder(folder: &ResultsFolder) -> Result<Option<(Settings, Vec<Entry>)>> {
     let folder = ResultsFolder::new(absolute(folder.root())?);
@@ -79,7 +79,7 @@ struct Waiting {
     pub example: String,
 }
 
-/// Asks Slurm once; `None` where the sweep was never submitted to it.
+/// Asks Slurm once; `None` if the sweep was never submitted to it.
 ///
 /// # Errors
 /// Files of the submission cannot be read.

@@ -104,7 +104,7 @@ fn drain(pipe: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<St
     })
 }
 
-/// Whether a child succeeded; `None` where it was killed since its time was up.
+/// Whether a child succeeded; `None` if it was killed since its time was up.
 fn wait(child: &mut Child, patience: Duration) -> io::Result<Option<bool>> {
     let started = Instant::now();
     loop {

@@ -89,7 +89,7 @@ impl SlurmFolder {
         self.0.join("requeues").join(format!("{generation}-{array}-{index}"))
     }
 
-    /// The number of the last submission; `None` where there was none.
+    /// The number of the last submission; `None` if there was none.
     ///
     /// # Errors
     /// The folder cannot be read.

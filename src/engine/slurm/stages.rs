@@ -278,7 +278,7 @@ impl Estimates {
         Self { flops_per_second, source: "as flops_per_second says" }
     }
 
-    /// The rate of the finished runs of a folder; `None` where there is none.
+    /// The rate of the finished runs of a folder; `None` if there is none.
     ///
     /// # Errors
     /// A record is damaged.

@@ -115,7 +115,7 @@ impl Submission {
         SlurmFolder::of(&self.folder)
     }
 
-    /// A sentence on a path that Slurm could not be given; `None` where all is well.
+    /// A sentence on a path that Slurm could not be given; `None` if all is well.
     pub fn unspeakable(&self) -> Option<String> {
         let bad = |path: &Path| path.display().to_string().contains(['\\', '\n']);
         let paths = [self.folder.root(), &self.directory];

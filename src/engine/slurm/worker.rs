@@ -233,7 +233,7 @@ fn listen() -> io::Result<()> {
 
 // How long a task may still run.
 
-/// When the task of this process is over; `None` where it has no limit, or Slurm does not say.
+/// When the task of this process is over; `None` if it has no limit, or Slurm does not say.
 fn end(settings: &Settings) -> Option<Instant> {
     let id = std::env::var("SLURM_JOB_ID").ok()?;
     let words = settings.program("squeue", &["-h", "-j", &id, "-o", "%L"]);
@@ -284,7 +284,7 @@ fn name() -> Option<String> {
 /// Worker processes within a time limit.
 pub struct Guarded<'a> {
     pub processes: LocalProcesses,
-    /// When the task is over; `None` where it has no limit.
+    /// When the task is over; `None` if it has no limit.
     pub end: Option<Instant>,
     /// How long each job takes.
     pub chunk: &'a ChunkFile,

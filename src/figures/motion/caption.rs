@@ -39,7 +39,7 @@ pub fn write(scene: &mut Scene, caption: &str, em: f64, at: Point, width: f64) -
     scene.lines(lines(caption, em, width), 1.35 * em, &text)
 }
 
-/// What one reads of a motion: "6.4 s, 20 frames a second, path 4.2 m".
+/// What one reads of a motion: "6.4 s, 20 frames per second, path 4.2 m".
 pub fn facts(poses: &[Pose], fps: f32) -> String {
     let seconds = poses.len() as f64 / f64::from(fps);
     let metres = length(&path(poses));

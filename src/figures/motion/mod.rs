@@ -30,7 +30,7 @@ use crate::motion::{N_FEATURES, N_JOINTS, Pose, recover_joints};
 pub struct CaptionedMotion<'a> {
     /// Row-major `[T, 263]`, not normalised.
     pub features: &'a [f32],
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f32,
     pub caption: &'a str,
 }

@@ -1,4 +1,4 @@
-//! Runs that a program of somebody's own trains, `trainer: {command: …}`, and tokenizers that the trainer in PyTorch
+//! Runs that a user's program trains, `trainer: {command: …}`, and tokenizers that the trainer in PyTorch
 //! trains, `tokenizer: {trainer: torch}`.
 //!
 //! The worker writes what is to be trained (`trainer.json`), starts the program beside a guard that

@@ -31,7 +31,7 @@ const AT_ONCE: u64 = 1 << 16;
 /// Time for the last lines to arrive after the program's end.
 const LAST_OUTPUT: Duration = Duration::from_secs(2);
 
-/// Runs a program to its end; what went wrong, or `None` where it ended well.
+/// Runs a program to its end; what went wrong, or `None` if it ended well.
 ///
 /// Its output goes to this process's standard error, which is the run's log.
 pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<Option<Failure>> {

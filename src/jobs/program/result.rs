@@ -85,7 +85,7 @@ fn trainer() -> FailureKind {
     FailureKind::Trainer
 }
 
-/// Why there is no result, in the program's own words; `None` where it left none.
+/// Why there is no result, in the program's own words; `None` if it left none.
 pub fn refusal(path: &Path) -> Option<Failure> {
     let Refusal { error, kind } = read_if_there(path).ok().flatten()?;
     Some(Failure::new(kind, error))
@@ -183,7 +183,7 @@ pub struct FinishedRun<'a> {
     pub folder: &'a ResultsFolder,
     pub id: &'a str,
     pub spec: &'a RunSpec,
-    /// The codes that it was trained on; `None` where isoflop has none.
+    /// The codes that it was trained on; `None` if isoflop has none.
     pub tokens: Option<&'a TokenStore>,
     /// Words of the longest caption, for FLOPs that the trainer did not count: those of full contexts.
     pub max_text_tokens: usize,
@@ -241,7 +241,7 @@ impl FinishedRun<'_> {
         let known = codes.map_or(0, |codes| codes.training_targets(spec.share));
         let unique = or(result.unique_tokens, known);
         let zero_count = codes.map_or(0, TokenStore::zero_count_targets);
-        // Only the exact count, where it is not known, asks for the words.
+        // Only the exact count, if unknown, asks for the words.
         let words = if result.flops_exact.is_some() { 0 } else { self.max_text_tokens };
         let per_token = spec.generator.flops_per_token(&spec.codes, words);
         let training = |forward: f64| TRAINING_PER_FORWARD * forward * tokens as f64;

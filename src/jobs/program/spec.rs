@@ -69,7 +69,7 @@ pub struct TrainerSpec {
     pub checkpoint_s: f64,
     /// Frames per second of the data.
     pub fps: f64,
-    /// Distinct supervised tokens in the training split; 0 where isoflop has no data.
+    /// Distinct supervised tokens in the training split; 0 if isoflop has no data.
     pub unique_tokens: usize,
     /// The clips of the training split that the run sees, by their place in it; `null` for all.
     pub clips: Option<Vec<usize>>,

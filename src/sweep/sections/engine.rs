@@ -133,7 +133,7 @@ sections! {
         nodelist: String,
         /// `--time`, as Slurm writes it: `30` minutes, `04:00:00`, `2-12:00:00`.
         time: Word,
-        /// `--cpus-per-task`, 1 where left out: as many jobs of a chunk run side by side.
+        /// `--cpus-per-task`, 1 if left out: as many jobs of a chunk run side by side.
         cpus_per_task: Count,
         /// Jobs of a chunk side by side, where that is not a job a processor: 1 where one GPU is.
         runs_at_once: Count,
@@ -168,7 +168,7 @@ sections! {
         array_parallel: Count,
         /// Tasks of an array at most; asked of Slurm (MaxArraySize) where left out.
         max_array: Count,
-        /// Tasks of a submission at most; none where left out.
+        /// Tasks of a submission at most; none if left out.
         max_submit: Count,
         /// Minutes of work of a task, 30 where left out; half of `time` at most.
         target_chunk_minutes: Amount,
@@ -227,7 +227,7 @@ impl Stage {
     }
 }
 
-/// Minutes of a time limit as Slurm writes it: `90`, `90:30`, `4:00:00`, `2-12`, `2-12:00`, `2-12:00:00`; `None` where
+/// Minutes of a time limit as Slurm writes it: `90`, `90:30`, `4:00:00`, `2-12`, `2-12:00`, `2-12:00:00`; `None` if
 /// it is none, or has no end.
 pub fn minutes(text: &str) -> Option<f64> {
     let (days, rest) = match text.trim().split_once('-') {

@@ -180,7 +180,7 @@ impl TrainSection {
         Duration::from_secs_f64(self.checkpoint_s.max(0.0))
     }
 
-    /// How long a worker may make no progress; `None` where it may for ever.
+    /// How long a worker may make no progress; `None` if it may for ever.
     pub fn hang(&self) -> Option<Duration> {
         (self.hang_s > 0.0).then(|| Duration::from_secs_f64(self.hang_s))
     }

@@ -2,25 +2,25 @@
 //!
 //! `IsoFlopPoint → Minimum → PowerLaw, LossLaws`, gathered in [`Laws`].
 //!
-//! | floor | room | what it is for | beside it |
+//! | floor | module | content | also imports |
 //! | --- | --- | --- | --- |
-//! | 1 | `maths` | statistics, lines, least squares and draws, which know nothing of runs | |
-//! | 1 | `text` | numbers for a person | |
-//! | 2 | `input` | what a fit is given: runs and how it is asked for; runs by budget and cell: [`group_budgets`] | |
+//! | 1 | `maths` | statistics, lines, least squares and random draws, independent of runs | |
+//! | 1 | `text` | formats of numbers | |
+//! | 2 | `input` | the input of a fit: runs and options; runs by budget and cell: [`group_budgets`] | |
 //! | 3 | `minima` | the best configuration of each budget: [`minima()`], [`minimum_at`]; of a few cells that test a forecast: [`cross_optimum`] | |
 //! | 4 | `noise` | the scatter of runs, of tokenizers and of test splits | |
 //! | 5 | `lines` | laws through minima: [`power_law`], [`log_law()`], [`floor_law()`], with intervals; equal FLOPs by another count: [`slices()`] | |
 //! | 5 | `joint` | one smooth loss over all cells, its optimum and its intervals: [`JointLaw`] | |
 //! | 5 | `parametric` | the loss in N and D of papers, by variable projection: [`fit_parametric`], [`optimum`] | |
-//! | 6 | `ranking` | which law predicts the larger budgets: [`Recommended`] | |
-//! | 7 | `file` | what `laws.json` holds: [`Laws`] | |
+//! | 6 | `ranking` | the law that predicts larger budgets best: [`Recommended`] | |
+//! | 7 | `file` | the contents of `laws.json`: [`Laws`] | |
 //! | 8 | `say` | all of this in sentences | |
-//! | 9 | `answer` | what laws say, once, for screen, figures, report and files: [`Laws::answered`] | |
-//! | 9 | `design` | what to run next: [`next_runs`], [`Advice`] | |
+//! | 9 | `answer` | the answer for screen, figures, report and files: [`Laws::answered`] | |
+//! | 9 | `design` | advice on further runs: [`next_runs`], [`Advice`] | |
 //! | 10 | `fit` | all of it: [`fit()`]; by the running minimum: [`approach1()`]; from a parametric loss: [`parametric_laws`] | |
 //! | 10 | `published` | laws of papers: [`scamo()`] | |
 //!
-//! A room imports from rooms of lower floors; `tests/floors.rs` reads this table.
+//! A module imports modules of lower floors; `tests/floors.rs` reads this table.
 //!
 //! # Example
 //!

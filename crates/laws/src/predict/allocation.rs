@@ -136,7 +136,7 @@ pub(super) fn fitted_at(
     read_at(law, laws, (vocabulary, shapes), budget)
 }
 
-/// N_nv, N_v and D of one replicate at C; none where they leave the range of numbers.
+/// N_nv, N_v and D of one replicate at C; none if they leave the range of numbers.
 pub(super) fn sample_at(
     sample: &LawSample,
     laws: &Laws,

@@ -103,14 +103,14 @@ pub struct Weighed {
     pub weight: f64,
 }
 
-/// 95 % percentile intervals over the bootstrap of the laws; absent where they hold no bootstrap.
+/// 95 % percentile intervals over the bootstrap of the laws; absent if they hold no bootstrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Intervals {
     #[serde(flatten)]
     pub at: PerQuantity<[f64; 2]>,
     /// On the clips that the runs were measured on.
     pub loss_normalised: Option<[f64; 2]>,
-    /// On other clips of their kind; absent where it is not known which were recorded together.
+    /// On other clips of their kind; absent if it is not known which were recorded together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss_on_other_clips: Option<[f64; 2]>,
     /// Of the floor law's loss.
@@ -125,7 +125,7 @@ pub struct PredictedShape {
     pub n_head: u64,
     pub d_model: u64,
     pub n_vocab: u64,
-    /// FSQ levels whose product is `n_vocab`; empty where the vocabulary is the trainer's own, or the only
+    /// FSQ levels whose product is `n_vocab`; empty if the vocabulary is the trainer's own, or the only
     /// one that was tried and no such product.
     pub levels: Vec<u32>,
 }

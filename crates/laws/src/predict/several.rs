@@ -15,7 +15,7 @@ pub(super) struct Opinion {
 /// Where a law has its optimum, and the loss there.
 type Said = (f64, Allocation);
 
-/// Of every tested law that says something at `budget`; empty where no law was tested.
+/// Of every tested law that says something at `budget`; empty if no law was tested.
 pub(super) fn opinions(
     laws: &Laws,
     how: (Vocabulary, &PredictOptions),
@@ -70,7 +70,7 @@ fn shift(own: Said, other: Said) -> Deviations {
 
 // The part of an interval that grows with the distance from the fit.
 
-/// How far forecasts go astray at a distance from their fit, drawn anew for each replicate: which law is
+/// How far forecasts go astray at a distance from their fit, redrawn for each replicate: which law is
 /// right, and how far it misses.
 pub(super) struct Spread {
     opinions: Vec<Opinion>,

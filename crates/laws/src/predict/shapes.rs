@@ -84,7 +84,7 @@ pub(super) fn nearest<T>(candidates: &[T], target: f64, size: impl Fn(&T) -> f64
 pub struct Codebook {
     /// V, the product of the levels.
     pub n_vocab: u64,
-    /// The largest first; empty where V is no product of them.
+    /// The largest first; empty if V is no product of them.
     pub levels: Vec<u32>,
 }
 

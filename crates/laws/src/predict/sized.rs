@@ -199,7 +199,7 @@ impl<'a> Told<'a> {
         })
     }
 
-    /// The best model for `flops`; none where the law has none.
+    /// The best model for `flops`; none if the law has none.
     pub fn optimum(&self, flops: f64) -> Option<Optimum> {
         match self {
             Self::Parametric(law) => optimum(&law.coefficients, flops),

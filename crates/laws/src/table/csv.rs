@@ -112,7 +112,7 @@ pub(super) fn is_missing(cell: &str) -> bool {
     cell.len() <= 4 && MISSING.iter().any(|name| cell.eq_ignore_ascii_case(name))
 }
 
-/// The type of a cell and its number; none where it is missing.
+/// The type of a cell and its number; none if it is missing.
 fn value(cell: &str) -> Option<(Kind, f64)> {
     let cell = cell.trim();
     if is_missing(cell) {

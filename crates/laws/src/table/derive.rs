@@ -264,7 +264,7 @@ impl Derived {
         })
     }
 
-    /// What the value would have to be; none where it will do.
+    /// What the value would have to be; none if it will do.
     fn rejects(&self, quantity: Quantity, value: f64) -> Option<&'static str> {
         let unknown = match quantity {
             Quantity::ParamsVocab | Quantity::NVocab => self.parameters == Parameters::Total,

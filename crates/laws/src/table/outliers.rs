@@ -189,7 +189,7 @@ fn off_centre(points: &[IsoFlopPoint], runs: &[usize]) -> Option<String> {
     })
 }
 
-/// Where the least-squares parabola through the points has its minimum; none where it has none.
+/// Where the least-squares parabola through the points has its minimum; none if it has none.
 ///
 /// It is laid in polynomials orthogonal over the points: 1, z − m, and z² less its projections, so
 /// that no system has to be solved.

@@ -105,7 +105,7 @@ thread_local! {
 /// Threads that read.
 static READERS: AtomicUsize = AtomicUsize::new(0);
 
-/// What `read` gives; `None` where it panics, of which nothing is printed.
+/// What `read` gives; `None` if it panics, of which nothing is printed.
 ///
 /// The hook is one for the whole process. It keeps quiet about panics of the threads that read, and while one
 /// reads about those that begin in polars, whose own threads help; all others it hands on.

@@ -41,11 +41,11 @@ pub struct TokenizerMetrics {
     pub wall_s: f64,
     /// The use of each scale's own codebook.
     pub scales: Option<Vec<ScaleUse>>,
-    /// Frames that a code stands for; `None` where that depends on the clip.
+    /// Frames that a code stands for; `None` if that depends on the clip.
     pub frames_per_code: Option<usize>,
     /// Seed of its weights, clips and windows.
     pub seed: Option<u64>,
-    /// k-means with as many codes on the same split; its keys are absent where it was not measured.
+    /// k-means with as many codes on the same split; its keys are absent if it was not measured.
     #[serde(flatten)]
     pub k_means: Option<Baseline>,
 }

@@ -82,7 +82,7 @@ pub struct ClipCodes {
     pub motion: String,
     /// What a tokenizer with language was shown.
     pub caption: Option<String>,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
     /// Frames that the codes stand for: whole latents.
     pub frames: usize,

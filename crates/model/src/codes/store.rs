@@ -24,7 +24,7 @@ pub struct SplitTokens {
     offsets: Vec<u64>,
     /// `[n_clips]`.
     frames: Vec<u64>,
-    /// `[n_clips]`; empty where it is not known which clips were recorded together.
+    /// `[n_clips]`; empty if it is not known which clips were recorded together.
     groups: Vec<u32>,
 }
 
@@ -170,7 +170,7 @@ impl TokenStore {
         self.split(split).frames.values()[index] as usize
     }
 
-    /// The group of each clip of a split: clips with one number were recorded together. `None` where the
+    /// The group of each clip of a split: clips with one number were recorded together. `None` if the
     /// file does not say.
     pub fn groups(&self, split: Split) -> Option<&[u32]> {
         self.split(split).groups.as_ref().map(Column::values)

@@ -49,7 +49,7 @@ impl Evaluator {
         &self.seen.stats
     }
 
-    /// Frames a second of the motions that it knows.
+    /// Frames per second of the motions that it knows.
     pub fn fps(&self) -> f64 {
         self.fps
     }

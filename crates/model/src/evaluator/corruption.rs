@@ -61,7 +61,7 @@ pub struct Motion<'a> {
     /// `[T, 263]` row-major and raw.
     pub features: &'a [f32],
     pub stats: &'a FeatureStats,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
 }
 

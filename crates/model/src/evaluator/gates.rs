@@ -34,7 +34,7 @@ pub struct Gates {
     pub halves_fid: Repeated,
     pub corrupted: Vec<Corrupted>,
     pub swapped: Vec<Swapped>,
-    /// `None` where no two clips have the same caption.
+    /// `None` if no two clips have the same caption.
     pub same_caption: Option<SameCaption>,
     /// Captions of a pool of 32 that another of the pool is equal to.
     pub duplicates: Repeated,

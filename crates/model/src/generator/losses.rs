@@ -87,7 +87,7 @@ pub struct SplitLoss {
     pub loss_normalised: f64,
     /// Cross-entropy per frame of motion.
     pub nats_per_frame: f64,
-    /// L_u of the codes of each scale; empty where there is one.
+    /// L_u of the codes of each scale; empty if there is one.
     pub normalised_by_scale: Vec<f64>,
     pub targets: usize,
     /// Of each clip by itself, in the split's order.

@@ -245,7 +245,7 @@ fn take(tensors: &mut Weights, prefix: &str) -> Weights {
     wanted.into_iter().map(|(name, tensor)| (name[prefix.len()..].to_string(), tensor)).collect()
 }
 
-/// The step of a checkpoint, from the head of its file alone; `None` where that cannot be told.
+/// The step of a checkpoint, from the head of its file alone; `None` if that cannot be told.
 pub fn step_of(path: &Path) -> Option<usize> {
     let mut file = File::open(path).ok()?;
     let mut length = [0; 8];

@@ -122,7 +122,7 @@ pub trait Learner {
         LearnerState::default()
     }
 
-    /// Takes up what [`Learner::keep`] gave; `None` where it is not that.
+    /// Takes up what [`Learner::keep`] gave; `None` if it is not that.
     fn resume(&mut self, _: LoadedState) -> Option<()> {
         Some(())
     }

@@ -292,7 +292,7 @@ pub fn insert_number(tensors: &mut Sources, name: &str, number: f64) {
 }
 
 /// Takes a number out of weights that were read, as short as single precision writes it: 29.97 is not
-/// 29.969999; `None` where it is not there.
+/// 29.969999; `None` if it is not there.
 pub fn take_number(tensors: &mut Weights, name: &str) -> Option<f64> {
     let number = *tensors.remove(name)?.values.first()?;
     number.to_string().parse().ok()

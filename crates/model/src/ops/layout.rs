@@ -36,10 +36,10 @@ pub struct SequenceLayout {
     offsets: Vec<usize>,
     /// Text positions of each sequence: `[n_sequences]`.
     prefixes: Vec<usize>,
-    /// Where the blocks of each sequence end, within it; empty where each position of motion is one:
+    /// Where the blocks of each sequence end, within it; empty if each position of motion is one:
     /// `[n_sequences]`.
     blocks: Vec<Arc<[usize]>>,
-    /// The angle of each row, by its place among those of a [`Rope`](super::Rope); empty where it is
+    /// The angle of each row, by its place among those of a [`Rope`](super::Rope); empty if it is
     /// the position.
     angles: Vec<u32>,
 }
@@ -178,7 +178,7 @@ impl SequenceLayout {
     }
 
     /// The angles of the positions of sequence `i`, by their places among those of a
-    /// [`Rope`](super::Rope); `None` where they are the positions.
+    /// [`Rope`](super::Rope); `None` if they are the positions.
     #[inline]
     pub fn angles(&self, i: usize) -> Option<&[u32]> {
         (!self.angles.is_empty()).then(|| &self.angles[self.rows(i)])

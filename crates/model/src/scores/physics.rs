@@ -27,7 +27,7 @@ pub struct Physics {
     pub penetration_mm: f64,
 }
 
-/// That of one motion of `fps` frames a second.
+/// That of one motion of `fps` frames per second.
 ///
 /// # Errors
 /// [`ScoreError::TooFew`] below four frames, which have no jerk.

@@ -21,7 +21,7 @@ pub struct Retrieval {
 /// R-precision and matching distance of texts and their motions, in pools of `pool` after one another;
 /// what fills no pool is left out, as in the published protocol. Shuffle the pairs before.
 ///
-/// Motions at the same distance come in an order drawn at random, and what that gives on the mean is
+/// Motions at the same distance come in an order drawn at random, and what that gives on average is
 /// counted: an evaluator that makes all motions alike finds 1 / `pool`.
 ///
 /// # Errors

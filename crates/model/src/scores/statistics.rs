@@ -76,7 +76,7 @@ pub fn rank_correlation(pairs: &[(f64, f64)]) -> Result<RankCorrelation, ScoreEr
     Ok(RankCorrelation { value: spearman(pairs), interval: [end(0.025), end(0.975)], n })
 }
 
-/// The correlation of ranks; 0 where all of a side are alike.
+/// The correlation of ranks; 0 if all of a side are alike.
 fn spearman(pairs: &[(f64, f64)]) -> f64 {
     let (x, y): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
     let (x, y) = (ranks(&x), ranks(&y));

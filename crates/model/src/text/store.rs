@@ -37,7 +37,7 @@ pub trait TextEncoder: Sync {
         captions.iter().map(|caption| self.encode(caption)).collect()
     }
 
-    /// Hex digest of what the vectors follow from beside the spec; `None` where nothing is.
+    /// Hex digest of what the vectors follow from beside the spec; `None` if nothing is.
     fn digest(&self) -> Option<String> {
         None
     }

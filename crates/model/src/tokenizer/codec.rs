@@ -58,7 +58,7 @@ impl Tokenizer {
         &self.spec
     }
 
-    /// Frames a second of the motion that it was trained on.
+    /// Frames per second of the motion that it was trained on.
     pub fn fps(&self) -> f64 {
         self.fps
     }

@@ -24,7 +24,7 @@ impl<'a> Corpus<'a> {
         Self { source, text: None }
     }
 
-    /// What a tokenizer reads of the captions; `None` where it has no language.
+    /// What a tokenizer reads of the captions; `None` if it has no language.
     ///
     /// # Errors
     /// It has language, and there are no vectors or they are of another width.

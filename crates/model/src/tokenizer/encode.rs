@@ -108,7 +108,7 @@ impl Parts<'_> {
     }
 }
 
-/// The share of a data set whose codes are kept; 0 where none are. Parts count alike.
+/// The share of a data set whose codes are kept; 0 if none are. Parts count alike.
 pub fn share_kept(folder: &Path) -> f64 {
     let names = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let names: Vec<String> =
@@ -132,7 +132,7 @@ fn keep(path: &Path, batches: &[Vec<u32>]) -> Result<(), FileError> {
     write(path, &[NewColumn::new(CODES, &codes), NewColumn::new(LENGTHS, &lengths)], HashMap::new())
 }
 
-/// The codes of a part's batches; `None` where they are not kept, or not whole.
+/// The codes of a part's batches; `None` if they are not kept, or not whole.
 fn kept(path: &Path) -> Option<Vec<Vec<u32>>> {
     let file = MappedFile::open(path).ok()?;
     let (codes, lengths) = (file.column::<u32>(CODES).ok()?, file.column::<u64>(LENGTHS).ok()?);

@@ -54,7 +54,7 @@ pub(super) use stands_for;
 pub struct Pass<'a> {
     /// The clips' captions, where the tokenizer has language.
     pub captions: Option<&'a Captions>,
-    /// Draws what is dropped; `None` where nothing is, as outside training.
+    /// Draws what is dropped; `None` if nothing is, as outside training.
     pub noise: Option<ChaCha8Rng>,
 }
 
@@ -111,7 +111,7 @@ impl Captions {
         &self.words
     }
 
-    /// All vectors, `[words of all clips, dim]`; `None` where no clip has a caption.
+    /// All vectors, `[words of all clips, dim]`; `None` if no clip has a caption.
     pub fn tensor(&self, device: &Device) -> Option<Tensor<2>> {
         let n: usize = self.words.iter().sum();
         let data = |n| TensorData::new(self.vectors.clone(), [n, self.vectors.len() / n]);

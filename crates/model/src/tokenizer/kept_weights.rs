@@ -44,7 +44,7 @@ impl Average {
         weights::of_module(&self.module)
     }
 
-    /// Takes up what [`Average::keep`] gave; `None` where it is not that.
+    /// Takes up what [`Average::keep`] gave; `None` if it is not that.
     pub fn resume(&mut self, saved: Weights) -> Option<()> {
         self.module = weights::into_module(self.module.clone(), saved).ok()?;
         Some(())
@@ -163,7 +163,7 @@ impl<'a> Watch<'a> {
         (serde_json::to_value(&self.log).expect("plain values"), weights::of_module(&self.best))
     }
 
-    /// Takes up what [`Watch::keep`] gave; `None` where it is not that.
+    /// Takes up what [`Watch::keep`] gave; `None` if it is not that.
     pub fn resume(&mut self, log: serde_json::Value, best: Weights) -> Option<()> {
         self.log = serde_json::from_value(log).ok()?;
         self.best = weights::into_module(self.best.clone(), best).ok()?;

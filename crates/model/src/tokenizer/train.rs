@@ -48,7 +48,7 @@ pub fn train(
     Ok(train_watched(spec, corpus, device, checkpoints, progress)?.0)
 }
 
-/// [`train`], with what was measured on the validation split; nothing where the spec has no plateau.
+/// [`train`], with what was measured on the validation split; nothing if the spec has no plateau.
 ///
 /// # Errors
 /// As there.
@@ -76,7 +76,7 @@ struct Reconstructing<'a> {
     captions: Option<ReadCaptions<'a>>,
     module: TokenizerModule,
     average: Option<Average>,
-    /// `None` where all steps are taken and the last weights kept.
+    /// `None` if all steps are taken and the last weights kept.
     watch: Option<Watch<'a>>,
     /// `None` for the loss in features.
     joints: Option<JointLoss>,

@@ -26,7 +26,7 @@ pub struct DataFacts {
     /// Content of the file that the captions' vectors come from, where they come from one; `absent`
     /// where it is not here.
     pub embeddings: Option<String>,
-    /// Contents of the files that a program of somebody's own is made of, by their names.
+    /// Contents of the files that a user's program is made of, by their names.
     pub trainer_inputs: BTreeMap<String, String>,
     pub warnings: Vec<String>,
     /// The data sets of a union.

@@ -31,7 +31,7 @@ pub struct HumanMl3dOptions {
     pub broken: BrokenFiles,
     /// Which lengths are used.
     pub lengths: LengthRule,
-    /// Frames a second, where the folder does not say it.
+    /// Frames per second, where the folder does not say it.
     pub fps: Option<f64>,
 }
 

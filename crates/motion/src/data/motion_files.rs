@@ -1,4 +1,4 @@
-//! Motion from files: how a folder holds it and at how many frames a second, and one motion from one file.
+//! Motion from files: how a folder holds it and at how many frames per second, and one motion from one file.
 
 use std::io::ErrorKind;
 use std::ops::RangeInclusive;
@@ -77,11 +77,11 @@ fn poses(values: &[f32]) -> Vec<Pose> {
     values.chunks_exact(N_JOINTS * 3).map(pose).collect()
 }
 
-// Frames a second of a folder.
+// Frames per second of a folder.
 
-/// Frames a second of HumanML3D's files.
+/// Frames per second of HumanML3D's files.
 pub const FPS: f64 = 20.0;
-/// Frames a second of Motion-X's files, which are not resampled.
+/// Frames per second of Motion-X's files, which are not resampled.
 const MOTION_X: f64 = 30.0;
 /// What an import says of the folder that it wrote.
 const IMPORT: &str = "import.json";
@@ -92,7 +92,7 @@ struct Import {
     fps: Option<f64>,
 }
 
-/// Frames a second of the files in `root`: those that its import wrote down, those `told`, or those of the
+/// Frames per second of the files in `root`: those that its import wrote down, those `told`, or those of the
 /// layout.
 ///
 /// # Errors
@@ -126,11 +126,11 @@ fn imported(root: &Path) -> Result<Option<f64>, DataError> {
 
 // One motion from one file: features, joints, or BVH.
 
-/// How far the frames a second of a file may be from a multiple of those wanted, as a share.
+/// How far the frames per second of a file may be from a multiple of those wanted, as a share.
 const FPS_TOLERANCE: f64 = 0.01;
 
 /// Features of the motion in a file, row-major `[T, 263]` with T ≥ 1, not normalised, at `fps`
-/// frames a second.
+/// frames per second.
 ///
 /// - `.npy` with `[T, 263]`: HumanML3D features, as they are, taken to be at that rate;
 /// - `.npy` with `[T + 1, 22, 3]`: places of the joints in metres, y up, likewise;

@@ -216,7 +216,7 @@ fn stats(members: &[Member]) -> Result<FeatureStats, DataError> {
 pub struct NoMotion(Metadata);
 
 impl Default for NoMotion {
-    /// At HumanML3D's frames a second, for losses a second.
+    /// At HumanML3D's frames per second, for losses a second.
     fn default() -> Self {
         Self(Metadata { fps: 20.0, digest: "none".to_string(), ..Metadata::default() })
     }

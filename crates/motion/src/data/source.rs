@@ -152,7 +152,7 @@ pub trait MotionSource: Sync {
         &self.metadata().warnings
     }
 
-    /// The data sets that it is put together from; none where it is one.
+    /// The data sets that it is put together from; none if it is one.
     fn members(&self) -> &[Member] {
         &[]
     }
@@ -174,12 +174,12 @@ pub struct Member {
 pub const FEATURE_GROUPS: [Range<usize>; 7] =
     [0..1, 1..3, 3..4, 4..67, 67..193, 193..259, 259..263];
 
-/// Deviations from the mean, on the mean over all features, beyond which features are not of the data that mean
+/// Deviations from the mean, on average over all features, beyond which features are not of the data that mean
 /// and deviation are of; those have about 0.7.
 pub const FAR: f64 = 5.0;
 
 impl FeatureStats {
-    /// How many deviations features, `[T, 263]` row-major, are from their mean, on the mean.
+    /// How many deviations features, `[T, 263]` row-major, are from their mean, on average.
     pub fn deviations(&self, features: &[f32]) -> f64 {
         let columns = self.mean.iter().zip(&self.std).cycle();
         let each = features.iter().zip(columns);

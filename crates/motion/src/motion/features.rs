@@ -144,7 +144,7 @@ fn write_steps(row: &mut [f32], pose: &Pose, next: &Pose, heading: Yaw) {
 
 // Where a body faces: the direction of the first frame, and the smoothed heading of the root.
 
-/// Deviation in frames of the Gaussian that smooths the heading: one second at 20 frames a second.
+/// Deviation in frames of the Gaussian that smooths the heading: one second at 20 frames per second.
 const SIGMA: f64 = 20.0;
 /// Frames on either side that the Gaussian sees: four deviations.
 const RADIUS: usize = 80;

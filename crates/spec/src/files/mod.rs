@@ -125,7 +125,7 @@ impl From<FileError> for io::Error {
 }
 
 /// The kind of failure that an error of files or of the system means, through whatever wraps it;
-/// `None` where no such error is among its causes.
+/// `None` if no such error is among its causes.
 pub fn failure_kind(error: &(dyn Error + 'static)) -> Option<FailureKind> {
     let of_file = FileError::among(error).map(FileError::failure_kind);
     of_file.or_else(|| {

@@ -26,7 +26,7 @@ pub enum DataSource {
     Procedural,
     /// A folder in the HumanML3D layout.
     HumanMl3d,
-    /// No motion and no tokenizers: a trainer of one's own brings its data.
+    /// No motion and no tokenizers: a user's trainer brings its data.
     None,
 }
 
@@ -61,7 +61,7 @@ pub struct MemberSection {
     pub name: Option<String>,
     /// The terms of its use; the plan tells them.
     pub licence: Option<String>,
-    /// Frames a second of its files, where not those of `data.fps`.
+    /// Frames per second of its files, where not those of `data.fps`.
     #[serde(default, deserialize_with = "number::read")]
     pub fps: Option<f64>,
 }
@@ -92,7 +92,7 @@ section! {
         path: Option<PathBuf> = None;
         /// Several such folders in place of one: their clips together, each in its own split.
         union: Vec<MemberSection> = Vec::new();
-        /// `humanml3d`: frames a second of the files. By default what `isoflop data import` wrote down, or that of the
+        /// `humanml3d`: frames per second of the files. By default what `isoflop data import` wrote down, or that of the
         /// layout: 20, and 30 of Motion-X's `vector_263`.
         fps: Option<f64> = None;
         /// `humanml3d`: every training clip also left-right mirrored.

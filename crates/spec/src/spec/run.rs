@@ -52,7 +52,7 @@ pub struct RunSpec {
     pub weight_decay: f64,
     pub betas: [f64; 2],
     pub epsilon: f64,
-    /// `None` where gradients are not clipped.
+    /// `None` if gradients are not clipped.
     pub clip_norm: Option<f64>,
     /// Times a run that it is measured on the validation split.
     pub evaluations: usize,
@@ -69,7 +69,7 @@ pub struct RunSpec {
     pub varied: Option<String>,
 }
 
-/// What of a program of somebody's own its results follow from.
+/// What of a user's program its results follow from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainerProgram {
     pub command: String,
@@ -175,7 +175,7 @@ impl Share {
         self.0 == 1.0
     }
 
-    /// ` share 0.25`, and nothing where it is all.
+    /// ` share 0.25`, and nothing if it is all.
     pub fn said(self) -> String {
         if self.is_whole() { String::new() } else { format!(" share {}", self.0) }
     }

@@ -68,7 +68,7 @@ impl<'a> Compared<'a> {
 }
 
 /// The scatter between tokenizers of one vocabulary, each by the mean of its distances from the others
-/// over all cells; none where no vocabulary has two.
+/// over all cells; none if no vocabulary has two.
 pub(in crate::laws) fn tokenizer_noise(budgets: &[Budget]) -> Option<TokenizerNoise> {
     let cells: Vec<Compared> = budgets.iter().flat_map(cells).collect();
     let offsets = mean_offsets(&cells);
@@ -85,7 +85,7 @@ pub(in crate::laws) fn tokenizer_noise(budgets: &[Budget]) -> Option<TokenizerNo
 }
 
 /// The scatter of single runs, by runs of one cell with several tokenizers, less what each tokenizer
-/// moves all its runs by; none where no vocabulary has two.
+/// moves all its runs by; none if no vocabulary has two.
 ///
 /// Only the better half of each budget's cells is asked, where the minimum lies: runs of few steps,
 /// far above it, scatter more.

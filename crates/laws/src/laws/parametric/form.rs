@@ -48,7 +48,7 @@ pub(super) const MAX_PARAMS: usize = 7;
 pub(super) type Vector = [f64; MAX_PARAMS];
 pub(super) type Matrix = [[f64; MAX_PARAMS]; MAX_PARAMS];
 
-/// Which free parameter each parameter of a form follows; none where it is frozen.
+/// Which free parameter each parameter of a form follows; none if it is frozen.
 pub(super) type Slots = [Option<usize>; MAX_PARAMS];
 
 impl Form {
@@ -182,7 +182,7 @@ impl Coefficients {
         format!("{symbol} = {}{terms}", digits(self.form.sign() * values[0]))
     }
 
-    /// From values in the order of [`Form::names`]; none where there are fewer.
+    /// From values in the order of [`Form::names`]; none if there are fewer.
     pub fn new(form: Form, values: &[f64]) -> Option<Self> {
         let mut all = [0.0; MAX_PARAMS];
         let own = values.get(..form.n_params())?;

@@ -160,7 +160,7 @@ fn unnamed_or_none<T: Copy>(form: Form, named: &BTreeMap<String, T>) -> Result<V
 /// FLOPs for a parameter and a token.
 const FLOPS_PER_PARAM_TOKEN: f64 = 6.0;
 
-/// The allocation of least loss that spends `budget` FLOPs; none where the coefficients have none.
+/// The allocation of least loss that spends `budget` FLOPs; none if the coefficients have none.
 ///
 /// For approach 3 it is N = G (C/6)^a with a = β/(α + β) and G = (αA/βB)^(1/(α+β)) (Hoffmann et al.
 /// 2022, Eq. 4). With a vocabulary the gradient vanishes where α1 A1 N_nv^(−α1−1) =

@@ -94,7 +94,7 @@ pub(super) struct Minimised {
     pub converged: bool,
 }
 
-/// Goes downhill from `start`; none where the objective has no finite value there.
+/// Goes downhill from `start`; none if the objective has no finite value there.
 pub(super) fn minimise(problem: Problem, start: Vector, tolerance: f64) -> Option<Minimised> {
     let n = problem.n_free;
     let solver = DampedNewton { damping: 0.0, tolerance };
@@ -161,7 +161,7 @@ impl<'a> Solver<Problem<'a>, Iterate> for DampedNewton {
 }
 
 impl DampedNewton {
-    /// The next point, strictly lower; none where none is worth a step.
+    /// The next point, strictly lower; none if none is worth a step.
     fn descend(
         &mut self,
         problem: &mut Counted<Problem>,

@@ -88,7 +88,7 @@ impl Replicates {
         (0..n).filter_map(|i| of(&column(i))).collect()
     }
 
-    /// Standard deviations over the replicates, in the order of the form's names; empty where there
+    /// Standard deviations over the replicates, in the order of the form's names; empty if there
     /// are too few replicates.
     pub fn standard_errors(&self) -> Vec<f64> {
         self.each(|column| interval95(column).map(|_| standard_deviation(column)))

@@ -43,7 +43,7 @@ pub(super) struct Found {
     pub starts_at_optimum: usize,
 }
 
-/// The optimum; none where no start leads to one.
+/// The optimum; none if no start leads to one.
 ///
 /// The starts of a large table go down on some of its rows, and only where the best of them ended
 /// is the whole table's optimum looked for: the shares of starts are then those of the thinned rows.
@@ -162,7 +162,7 @@ impl Basis {
         Self { columns, y }
     }
 
-    /// c_1 … c_K and the constant as parameters, by least squares under the signs; none where no
+    /// c_1 … c_K and the constant as parameters, by least squares under the signs; none if no
     /// set of columns can be solved.
     fn solve(&self, constant: Constant) -> Option<Vector> {
         let (gram, moments) = self.normal();

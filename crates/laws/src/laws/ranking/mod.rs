@@ -24,7 +24,7 @@ pub(super) struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// Every candidate's score, the best first; empty where there are too few budgets.
+    /// Every candidate's score, the best first; empty if there are too few budgets.
     pub fn scores(&self) -> Vec<Score> {
         // The joint law with repetition holds the other, R without end: where runs repeat their data it is
         // the one, and the other would learn of repetition by missing it.
@@ -134,7 +134,7 @@ impl Rows<'_> {
     }
 }
 
-/// The standard deviation of a normal quantity of this interval; 0 where there is none.
+/// The standard deviation of a normal quantity of this interval; 0 if there is none.
 fn deviation(interval: Option<[f64; 2]>, of: fn(f64) -> f64) -> f64 {
     interval.map_or(0.0, |[low, high]| (of(high) - of(low)) / (2.0 * NORMAL_97_5))
 }
@@ -151,19 +151,19 @@ const FEWEST: usize = 3;
 pub(super) struct OfShare {
     /// 1 for the largest.
     pub of_largest: f64,
-    /// Of each budget, in the order of the rows; none where it has no such run.
+    /// Of each budget, in the order of the rows; none if it has no such run.
     pub budgets: Vec<Option<OfBudget>>,
 }
 
 /// One budget's runs of a share.
 pub(super) struct OfBudget {
     pub grid: Grid,
-    /// By the laws' method; none where it may not be used.
+    /// By the laws' method; none if it may not be used.
     pub minimum: Option<Minimum>,
 }
 
 impl OfShare {
-    /// The minima that power laws through the first `n` budgets are fitted to; none where they are too few.
+    /// The minima that power laws through the first `n` budgets are fitted to; none if they are too few.
     fn fitted_minima(&self, n: usize) -> Option<Vec<Minimum>> {
         let minima = self.budgets[..n].iter().flatten().filter_map(|own| own.minimum.clone());
         let used: Vec<Minimum> = minima.collect();

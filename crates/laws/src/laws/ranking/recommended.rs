@@ -135,7 +135,7 @@ pub struct Miss {
     /// Loss error in nats: at the budget's minimum, or, for a joint law of several vocabularies, the mean over
     /// the cells near the minimum.
     pub loss: Off,
-    /// Of the minimum; none where its place is in doubt, or where too few minima of smaller budgets are beyond
+    /// Of the minimum; none if its place is in doubt, or where too few minima of smaller budgets are beyond
     /// it for a law through them. A joint law alone is tested there.
     pub minimum: Option<MissedMinimum>,
 }
@@ -155,7 +155,7 @@ pub struct Deviations<T = f64> {
     pub loss: f64,
     /// Of ln N_nv, or ln N.
     pub ln_size: T,
-    /// Of ln N_v; 0 where N_v is not told apart.
+    /// Of ln N_v; 0 if N_v is not told apart.
     pub ln_vocab: T,
     /// Of ln D.
     pub ln_tokens: T,
@@ -173,7 +173,7 @@ pub struct ForecastError {
     pub sd: Deviations,
     /// Degrees of freedom: budgets that forecasts were made from, and those of what is expected.
     pub dof: usize,
-    /// Budgets that forecasts were made from; 0 where none could be tested.
+    /// Budgets that forecasts were made from; 0 if none could be tested.
     #[serde(default)]
     pub tested: usize,
 }

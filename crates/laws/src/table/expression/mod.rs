@@ -86,7 +86,7 @@ impl Expression {
         Ok(self.numbers(table)?.iter().map(passes).collect())
     }
 
-    /// The value for each row as text; empty where it is missing.
+    /// The value for each row as text; empty if it is missing.
     pub(super) fn texts(&self, table: &Table) -> Result<Vec<String>, ExpressionError> {
         if let Form::Column { name, .. } = &self.root.form
             && let Some(super::Column::Written { cells, .. }) = table.column(name)

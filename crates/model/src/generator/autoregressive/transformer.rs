@@ -29,7 +29,7 @@ pub struct Transformer {
     text_bias: Param<Tensor<1>>,
     pub(super) blocks: Vec<Block>,
     norm: Param<Tensor<1>>,
-    /// `[d, V + 1]`: codes and end; absent where tied to the embedding.
+    /// `[d, V + 1]`: codes and end; absent if tied to the embedding.
     head: Option<Param<Tensor<2>>>,
 }
 

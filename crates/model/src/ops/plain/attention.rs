@@ -172,7 +172,7 @@ fn unpad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
     x_nd.select(0, positions)
 }
 
-/// True where a row of a memory is padding, `[b, 1, 1, t]`; `None` where none is.
+/// True where a row of a memory is padding, `[b, 1, 1, t]`; `None` if none is.
 fn padding(sequences: &[Range<usize>], device: &Device) -> Option<Tensor<4, Bool>> {
     let t = longest(sequences);
     let hidden = |rows: &Range<usize>| (0..t).map(|i| i >= rows.len()).collect::<Vec<_>>();

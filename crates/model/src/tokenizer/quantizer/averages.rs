@@ -131,7 +131,7 @@ impl Averages {
         }
     }
 
-    /// Takes up what [`Averages::keep`] gave; `None` where it is not that.
+    /// Takes up what [`Averages::keep`] gave; `None` if it is not that.
     pub fn resume(&mut self, mut saved: LoadedState) -> Option<()> {
         let drawn: u128 = saved.note[DRAWN].as_str()?.parse().ok()?;
         self.sums = saved.tensors.remove(SUMS)?.values;

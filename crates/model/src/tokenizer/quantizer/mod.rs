@@ -75,7 +75,7 @@ pub trait Quantizer {
         LearnerState::default()
     }
 
-    /// Takes up what [`Quantizer::keep`] gave; `None` where it is not that.
+    /// Takes up what [`Quantizer::keep`] gave; `None` if it is not that.
     fn resume(&mut self, _: LoadedState) -> Option<()> {
         Some(())
     }
@@ -196,7 +196,7 @@ fn keep_parts<'a>(
     all
 }
 
-/// Gives each part its own of what [`keep_parts`] gave, and returns the note; `None` where it is not that.
+/// Gives each part its own of what [`keep_parts`] gave, and returns the note; `None` if it is not that.
 fn resume_parts<'a>(
     parts: impl Iterator<Item = &'a mut (dyn Quantizer + 'static)>,
     mut saved: LoadedState,
@@ -239,7 +239,7 @@ impl Dropout {
         json!(self.rng.get_word_pos().to_string())
     }
 
-    /// Takes up what [`Dropout::keep`] gave; `None` where it is not that.
+    /// Takes up what [`Dropout::keep`] gave; `None` if it is not that.
     fn resume(&mut self, saved: &Value) -> Option<()> {
         self.rng.set_word_pos(saved.as_str()?.parse().ok()?);
         Some(())

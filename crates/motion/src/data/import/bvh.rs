@@ -152,15 +152,15 @@ fn motion(file: &SourceFile, rig: &Rig, options: &ImportOptions) -> Result<Motio
 
 /// Shares of a frame a second that a rounded frame time may be off.
 const ROUNDED: f64 = 1e-3;
-/// Rates of captures and of film, in frames a second.
+/// Rates of captures and of film, in frames per second.
 const USUAL: [f64; 16] = [
     24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 72.0, 90.0, 100.0, 120.0, 144.0, 150.0, 200.0, 240.0,
     250.0, 300.0,
 ];
-/// Frames a second of a file of motion, at least and at most.
+/// Frames per second of a file of motion, at least and at most.
 const RATES: [f64; 2] = [1.0, 2000.0];
 
-/// `Frame Time: 0.0333333` means 30 frames a second, not 30.00003, and so does `0.033`: the one usual rate that is
+/// `Frame Time: 0.0333333` means 30 frames per second, not 30.00003, and so does `0.033`: the one usual rate that is
 /// written so.
 fn frames_a_second(frame_time_s: f64) -> Result<f64, String> {
     let fps = 1.0 / frame_time_s;

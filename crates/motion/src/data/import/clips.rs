@@ -27,9 +27,9 @@ pub struct Clip {
     pub captioned_by: CaptionSource,
     pub group: String,
     pub split: Split,
-    /// Frames a second of the file.
+    /// Frames per second of the file.
     pub source_fps: f64,
-    /// Metres in one of the file's units; `None` where places stay as they are.
+    /// Metres in one of the file's units; `None` if places stay as they are.
     pub unit_m: Option<f64>,
 }
 
@@ -39,7 +39,7 @@ pub struct Clip {
 pub struct Clips {
     /// What the files hold.
     pub form: &'static str,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
     pub left_handed: bool,
     #[serde(skip)]
@@ -269,7 +269,7 @@ pub fn line(caption: &str) -> String {
     format!("{}#{}#0.0#0.0", words.join(" "), tags.join(" "))
 }
 
-/// The words of `walk-left_normal_001` and of `WalkLeft01`; `None` where it has none.
+/// The words of `walk-left_normal_001` and of `WalkLeft01`; `None` if it has none.
 fn words_of(id: &str) -> Option<String> {
     let is_word = |word: &str| {
         word.chars().count() > 1 && word.chars().all(char::is_alphabetic) && !EMPTY.contains(&word)

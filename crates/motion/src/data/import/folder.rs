@@ -26,7 +26,7 @@ const AT_ONCE: usize = 256;
 pub struct Imported {
     /// Clips by split: train, val, test.
     pub splits: [SplitCount; 3],
-    /// Frames a second of the data set.
+    /// Frames per second of the data set.
     pub fps: f64,
     pub skeletons: Vec<Skeleton>,
     /// Clips whose caption is the one given for motions without.

@@ -80,13 +80,13 @@ fn bodies<const J: usize>(values: &[f32], n_joints: usize) -> Vec<[Point; J]> {
 // KIT-ML's 21 joints (Plappert et al. 2016), in the order of text-to-motion, as the 22 of HumanML3D.
 //
 // Pelvis, belly, chest, lower and upper neck; shoulder, elbow and wrist of one side and of the other; hip, knee,
-// ankle, ball of the foot and toes likewise. Millimetres, 12.5 frames a second.
+// ankle, ball of the foot and toes likewise. Millimetres, 12.5 frames per second.
 
 /// Joints of KIT-ML's body.
 const JOINTS: usize = 21;
 /// Features of a frame, where a file holds those.
 const FEATURES: usize = feature_width(JOINTS);
-/// Frames a second of KIT-ML's files.
+/// Frames per second of KIT-ML's files.
 const KIT_FPS: f64 = 12.5;
 
 /// The sides, 0 the left, of the joints 5 to 7 and 11 to 15 and of those after them: as text-to-motion reads them.

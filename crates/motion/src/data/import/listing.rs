@@ -34,7 +34,7 @@ pub struct Listing {
     pub splits: Option<HashMap<String, Split>>,
     /// Its captions, where they do not lie beside the motions: those that are told, or those of that layout.
     pub texts: Option<PathBuf>,
-    /// Whether it has that layout, so that its frames a second are known.
+    /// Whether it has that layout, so that its frames per second are known.
     pub humanml3d: bool,
 }
 

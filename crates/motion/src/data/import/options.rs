@@ -59,9 +59,9 @@ pub struct ImportOptions {
     pub up: Option<Up>,
     /// The axes are left-handed.
     pub left_handed: bool,
-    /// Frames a second of `.npy` files.
+    /// Frames per second of `.npy` files.
     pub fps: Option<f64>,
-    /// Frames a second of the data set.
+    /// Frames per second of the data set.
     pub rate: Rate,
     /// Folder of captions; by default they lie beside the motions.
     pub texts: Option<PathBuf>,
@@ -99,7 +99,7 @@ pub fn read_map(path: &Path) -> Result<NameMap, ImportError> {
 pub struct Motion {
     /// At the rate of the data set, y up, metres.
     pub poses: Vec<Pose64>,
-    /// Frames a second of the file.
+    /// Frames per second of the file.
     pub fps: f64,
     /// Metres of the target in one of the file's units, where it was changed.
     pub unit_m: Option<f64>,
@@ -129,7 +129,7 @@ pub struct Skeleton {
     pub roles: BTreeMap<&'static str, String>,
 }
 
-/// Frames a second of the data set.
+/// Frames per second of the data set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rate {
     /// Every motion is resampled to it.
@@ -139,7 +139,7 @@ pub enum Rate {
 }
 
 impl Rate {
-    /// Poses of a file of `fps` frames a second, at the rate of the data set.
+    /// Poses of a file of `fps` frames per second, at the rate of the data set.
     pub(super) fn of(self, poses: &[Pose64], fps: f64) -> Vec<Pose64> {
         match self {
             Rate::Fixed(rate) => resampled(poses, fps, rate),
@@ -147,7 +147,7 @@ impl Rate {
         }
     }
 
-    /// Frames a second of the data set of these motions.
+    /// Frames per second of the data set of these motions.
     ///
     /// # Errors
     /// They differ, and should be kept.

@@ -39,7 +39,7 @@ pub enum FitBvhError {
     NotFinite { frame: usize, joint: &'static str },
 }
 
-/// The hierarchy that comes nearest to `poses`, `fps` frames a second.
+/// The hierarchy that comes nearest to `poses`, `fps` frames per second.
 ///
 /// Bones have their mean lengths over the clip. From the pelvis outwards, each node turns by the
 /// smallest rotation in its parent's frame that points its bone from where the file has the joint
@@ -244,7 +244,7 @@ type Rest = [Point; N_JOINTS];
 /// The rest pose of `poses`: bones as long as they are in the mean over the frames.
 ///
 /// A bone that leaves its joint alone has the direction of [`REST_DIRECTIONS`]. Bones that leave a
-/// joint together have the mean of their directions over the frames, each frame turned on the mean
+/// joint together have the mean of their directions over the frames, each frame turned on average
 /// (generalised Procrustes analysis, Gower 1975), and that mean is turned upright.
 fn rest_pose(poses: &[Pose], nodes: &[Node]) -> Rest {
     let mut rest: Rest = std::array::from_fn(|joint| {

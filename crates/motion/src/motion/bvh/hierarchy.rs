@@ -129,7 +129,7 @@ impl Bvh {
     /// The poses of a file that names its joints as [`JOINT_NAMES`] and is in centimetres, as
     /// [`fit_bvh`](super::fit_bvh) makes them; further joints play no part. Metres.
     ///
-    /// `None` where a name is missing.
+    /// `None` if a name is missing.
     pub fn poses(&self) -> Option<Vec<Pose>> {
         let find = |name: &&str| self.joints.iter().position(|joint| joint.name == **name);
         let joints: Vec<usize> = JOINT_NAMES.iter().map(find).collect::<Option<_>>()?;

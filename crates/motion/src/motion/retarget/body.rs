@@ -66,7 +66,7 @@ impl Body {
     }
 
     /// The rotation of a body that stands upright and faces as this one does: x to its left, `up` above.
-    /// `None` where its hips and shoulders lie along `up`.
+    /// `None` if its hips and shoulders lie along `up`.
     pub fn facing(&self, up: Point) -> Option<Quat> {
         let across = add(sub(self.at(1), self.at(2)), sub(self.at(16), self.at(17)));
         let level = sub(across, scale(up, dot(across, up)));
@@ -109,7 +109,7 @@ pub struct Up {
 const CLEAR: f64 = 0.8;
 
 impl Up {
-    /// The axis along which `direction` lies; `None` where it lies between two.
+    /// The axis along which `direction` lies; `None` if it lies between two.
     pub fn along(direction: Point) -> Option<Up> {
         let length = norm(direction);
         let axis = Axis::along(direction);

@@ -157,7 +157,7 @@ fn common(joints: &[BvhJoint], a: usize, b: usize) -> Option<usize> {
     ancestors(joints, a).into_iter().find(|joint| of_b.contains(joint))
 }
 
-/// The joints below `from` on the way to `to`, which is the last; none where it does not hang there.
+/// The joints below `from` on the way to `to`, which is the last; none if it does not hang there.
 fn path(joints: &[BvhJoint], from: usize, to: usize) -> Vec<usize> {
     let up = ancestors(joints, to);
     let Some(at) = up.iter().position(|&joint| joint == from) else { return Vec::new() };

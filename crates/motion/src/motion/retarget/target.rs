@@ -30,7 +30,7 @@ const SAME: f64 = 1e-3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settled {
     pub poses: Vec<Pose64>,
-    /// Metres of the target in one of the file's units; `None` where the bones are the target's already, and
+    /// Metres of the target in one of the file's units; `None` if the bones are the target's already, and
     /// the places stay as they are.
     pub unit_m: Option<f64>,
 }
@@ -74,7 +74,7 @@ pub fn settled(poses: &[Pose64], told: Option<Up>) -> Result<Settled, PointsErro
     Ok(Settled { poses: moved.collect(), unit_m: Some(unit_m) })
 }
 
-/// How far the toes point to where the body faces, from −1 to 1, on the mean.
+/// How far the toes point to where the body faces, from −1 to 1, on average.
 fn toes_forward(poses: &[Pose64]) -> f64 {
     let forward = |pose: &Pose64| Body::from(pose).toes_forward(Axis::Y.unit());
     poses.iter().filter_map(forward).sum::<f64>() / poses.len().max(1) as f64
@@ -102,7 +102,7 @@ pub fn leg_ratio(poses: &[Pose]) -> f64 {
 /// Times closer to a frame than this share of a frame are that frame's.
 const ON_FRAME: f64 = 1e-6;
 
-/// Poses at `to` frames a second, by Catmull-Rom splines through those at `from`; the bones keep the target's
+/// Poses at `to` frames per second, by Catmull-Rom splines through those at `from`; the bones keep the target's
 /// lengths. The first pose stays the first, and none lies beyond the last.
 pub fn resampled(poses: &[Pose64], from: f64, to: f64) -> Vec<Pose64> {
     let Some(last) = poses.len().checked_sub(1) else { return Vec::new() };

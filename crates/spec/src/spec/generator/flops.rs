@@ -54,7 +54,7 @@ pub struct ParamCounts {
     pub text: usize,
     /// The embedding as built: V + 2 rows, for the end and pad tokens.
     pub embedding: usize,
-    /// The head as built: V + 1 outputs, since pad is never predicted; 0 where tied.
+    /// The head as built: V + 1 outputs, since pad is never predicted; 0 if tied.
     pub head: usize,
 }
 
@@ -144,7 +144,7 @@ impl FlopsRule {
     /// Every rule.
     pub const ALL: [Self; 3] = [Self::OpenAi, Self::SixNd, Self::Exact];
 
-    /// The rule of a name; `None` where there is none.
+    /// The rule of a name; `None` if there is none.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|rule| rule.name() == name)
     }

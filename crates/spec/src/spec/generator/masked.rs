@@ -36,7 +36,7 @@ impl MaskedSpec {
 /// Points at which the share that is hidden is looked at.
 const SHARES: usize = 8;
 
-/// How many of `asked` codes of a clip of `n` are hidden, on the mean, where the share cos(π u / 2) of the
+/// How many of `asked` codes of a clip of `n` are hidden, on average, where the share cos(π u / 2) of the
 /// clip is, u drawn from 0 to 1, and one of those asked at least.
 fn mean_hidden(n: usize, asked: usize) -> f64 {
     let at = |i: usize| {

@@ -44,7 +44,7 @@ impl ScalewiseSpec {
         codes.lengths(self.most_latents * self.frames_per_latent).collect()
     }
 
-    /// Codes that a code is chosen from, on the mean over the codes of the longest clip: each scale has
+    /// Codes that a code is chosen from, on average over the codes of the longest clip: each scale has
     /// a head of its own.
     fn mean_vocab(&self, codes: &Grid) -> f64 {
         let lengths = self.longest(codes);

@@ -140,7 +140,7 @@ const TABLE: [(usize, &[usize]); 9] = [
     (65536, &[8, 8, 8, 5, 5, 5]),
 ];
 
-/// The levels for a codebook size, nominal (256) or real (240); `None` where ScaMo has none.
+/// The levels for a codebook size, nominal (256) or real (240); `None` if ScaMo has none.
 pub fn levels_for(nominal: usize) -> Option<&'static [usize]> {
     let wanted =
         |&&(name, levels): &&(usize, &[usize])| name == nominal || n_codes(levels) == nominal;

@@ -120,7 +120,7 @@ impl QuantizerSpec {
         }
     }
 
-    /// The latents of the longest scale of a fixed length; 0 where there is none.
+    /// The latents of the longest scale of a fixed length; 0 if there is none.
     pub fn longest_scale(&self) -> usize {
         match self {
             Self::Multiscale(own) => own.scales.iter().copied().max().unwrap_or(0),
@@ -228,7 +228,7 @@ impl Grid {
         self.n_codes(n_frames) + usize::from(self.end_token)
     }
 
-    /// The frames that so many codes of the first scale stand for; `None` where that depends on the clip.
+    /// The frames that so many codes of the first scale stand for; `None` if that depends on the clip.
     pub fn frames_of(&self, n_first: usize) -> Option<usize> {
         match self.scales.first()?.length {
             Length::FramesPerCode(frames) => Some(frames * n_first),
@@ -236,7 +236,7 @@ impl Grid {
         }
     }
 
-    /// The frames that a code stands for, over all scales; `None` where that depends on the clip.
+    /// The frames that a code stands for, over all scales; `None` if that depends on the clip.
     pub fn frames_per_code(&self) -> Option<f64> {
         let per_frame = self.scales.iter().map(|scale| match scale.length {
             Length::FramesPerCode(frames) => Some(1.0 / frames as f64),

@@ -96,7 +96,7 @@ impl QuantizerSection {
         }
     }
 
-    /// Codes of a clip on each scale of a fixed length; none where lengths follow the clip.
+    /// Codes of a clip on each scale of a fixed length; none if lengths follow the clip.
     pub fn scale_lengths(&self) -> Vec<usize> {
         match self.kind {
             QuantizerKind::Multiscale => self.scales.clone().unwrap_or_default().lengths(),

@@ -142,14 +142,14 @@ impl ArchitectureSpec {
         sizes.codes
     }
 
-    /// Which halves see a caption; `None` where neither does.
+    /// Which halves see a caption; `None` if neither does.
     pub fn language(&self) -> Option<&LanguageSpec> {
         let Self::Transformer(sizes) = self else { return None };
         sizes.language.as_ref()
     }
 
     /// The shortest training windows, as a share of the longest: those of a step are of one length,
-    /// drawn anew for each.
+    /// redrawn for each.
     pub fn shortest_window(&self) -> f64 {
         // Clips of any length are met at use, and attention has to know them.
         if matches!(self, Self::Transformer(_)) { 0.25 } else { 1.0 }

@@ -32,7 +32,7 @@ pub struct TokenizerSpec {
     #[serde(skip_serializing_if = "crate::units::is_default")]
     pub representation: Representation,
     pub training: TokenizerTraining,
-    /// None where all steps are taken and the last weights kept.
+    /// `None` if all steps are taken and the last weights kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plateau: Option<Plateau>,
     /// Left out of ids and files for the built-in trainer.
@@ -49,7 +49,7 @@ impl TokenizerSpec {
         self.quantizer.n_vocab()
     }
 
-    /// Patches of training clips that it begins from, where the pool has as many; none where it begins
+    /// Patches of training clips that it begins from, where the pool has as many; none if it begins
     /// from no data.
     pub fn begun_from(&self) -> Option<BegunFrom> {
         let ArchitectureSpec::Patch(patch) = &self.architecture else { return None };

@@ -145,7 +145,7 @@ macro_rules! keys {
                 /// Transformers: share of what each part of a layer adds that training drops: 0; 0.1 in
                 /// LG-Tok.
                 dropout: Option<f64> = None, unless "Option::is_none";
-                /// Transformers: which halves see the clip's caption; none where it is left out.
+                /// Transformers: which halves see the clip's caption; none if it is left out.
                 language: Option<LanguageSection> = None, unless "Option::is_none";
                 /// Ends training at the plateau of the validation split; left out, all steps are taken and the
                 /// last weights kept.

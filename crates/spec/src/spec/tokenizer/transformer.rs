@@ -44,7 +44,7 @@ pub struct TransformerSpec {
     pub detokenizer: Detokenizer,
     /// Share of what each part of a layer adds that is dropped in training.
     pub dropout: f64,
-    /// Which halves see a caption; `None` where neither does.
+    /// Which halves see a caption; `None` if neither does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub language: Option<LanguageSpec>,
 }
@@ -213,7 +213,7 @@ pub struct LanguageSpec {
 }
 
 impl LanguageSection {
-    /// The same over the vectors of a text encoder; `None` where no half sees them.
+    /// The same over the vectors of a text encoder; `None` if no half sees them.
     pub(super) fn over(&self, text: &TextSpec) -> Option<LanguageSpec> {
         let mut at = self.at.clone();
         at.sort_unstable();
