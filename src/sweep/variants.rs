@@ -1,4 +1,4 @@
-//! `grid.vary`: one sweep as several, which differ in keys of one's choice.
+//! `grid.vary`: expands one sweep into several that differ in given keys.
 
 use serde_json::Value;
 
@@ -18,16 +18,16 @@ pub struct Variant {
 }
 
 impl Sweep {
-    /// The sweep once for each combination of what it varies; itself where it varies nothing.
+    /// The sweep for each combination of varied keys; itself if nothing varies.
     ///
     /// # Panics
-    /// Values cannot stand at their keys, which the check of a sweep refuses.
+    /// Values are invalid at their keys, which the check of a sweep refuses.
     pub fn variants(&self) -> Vec<Variant> {
         let variants = self.combined().collect::<Result<_, _>>();
         variants.expect("checked when the sweep was read")
     }
 
-    /// The combinations one by one: the sweep, or what cannot stand there, in serde's words after its label.
+    /// The combinations one by one: the sweep, or serde's error after the label of the invalid value.
     pub(super) fn combined(&self) -> impl Iterator<Item = Result<Variant, String>> {
         let mut plain = self.clone();
         let vary = std::mem::take(&mut plain.grid.vary);
@@ -46,7 +46,7 @@ impl Sweep {
     /// The sweep with a value at a key.
     ///
     /// # Errors
-    /// What cannot stand there, in serde's words.
+    /// serde's error of an invalid value.
     pub(super) fn with(&self, key: &str, value: &Value) -> Result<Self, String> {
         let mut whole = serde_yaml::to_value(self).map_err(|error| error.to_string())?;
         let problem = overrides::apply(&mut whole, &[setting(key, value)]).pop();
@@ -75,13 +75,12 @@ fn setting(key: &str, value: &Value) -> String {
     }
 }
 
-// What is wrong with the keys that vary.
+// Problems of the varied keys.
 
 /// Combinations of values that a sweep varies, at most: each is planned by itself.
 const MOST_COMBINATIONS: f64 = 1000.0;
 
-/// What is wrong with the keys that the grid varies; `of_sweep` finds what is wrong with a sweep that varies
-/// nothing.
+/// Problems of the varied keys; `of_sweep` finds the problems of a single sweep.
 pub fn problems(sweep: &Sweep, of_sweep: fn(&Sweep) -> Vec<Problem>) -> Vec<Problem> {
     let known = of_sweep(sweep);
     let fresh = |own: &Sweep| {

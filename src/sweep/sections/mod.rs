@@ -1,4 +1,4 @@
-//! [`Sweep`]: what a sweep file says, with every default filled in.
+//! [`Sweep`]: a sweep file with all defaults filled in.
 
 mod engine;
 mod grid;
@@ -25,7 +25,7 @@ use crate::units::{Ways, section};
 
 plain!(ScheduleKind, ScheduleSection, RateParams, HoldOutSpec);
 
-/// Sections that a number or a command may stand for.
+/// Sections that can be written as a number or a command.
 macro_rules! short {
     ($($type:ty),*) => {$(
         impl Written for $type {
@@ -74,10 +74,10 @@ pub struct Sweep {
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "number::read")]
     #[schemars(schema_with = "section_or_command_schema")]
     pub trainer: Option<TrainerSection>,
-    /// What motions are scored by; where it is not there, none is trained.
+    /// The evaluator of motions; if absent, none is trained.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub evaluator: Option<EvaluatorSection>,
-    /// Which runs are scored by it, and how; where it is not there, none is.
+    /// The runs to score, and how; if absent, none is scored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scores: Option<ScoresSpec>,
     #[serde(default)]
@@ -103,7 +103,7 @@ impl Sweep {
         }
     }
 
-    /// Whether a tokenizer is trained for each vocabulary: not where a trainer brings its own data.
+    /// Whether a tokenizer is trained for each vocabulary: not if a trainer brings its own data.
     pub fn has_tokenizers(&self) -> bool {
         self.data.source != DataSource::None || !self.data.union.is_empty()
     }
@@ -113,7 +113,7 @@ fn default_seeds() -> Vec<u64> {
     vec![0]
 }
 
-// What is made of the runs.
+// Results made from the runs.
 
 section! {
     /// The `flops` section: how FLOPs are counted.
@@ -136,8 +136,8 @@ pub enum HoldOutSpec {
 section! {
     /// The `fit` section: how laws are fitted to the runs.
     pub struct FitSection {
-        /// How the minimum of each budget is found: the laws go through the parabolas, or through the
-        /// best runs where too few parabolas can be trusted, and the others stand beside them.
+        /// The kinds of minimum per budget: the laws go through the parabolas, or through the best runs if too few
+        /// parabolas are unflagged; the others are reported too.
         minima: Vec<MinimumMethod> = vec![Parabola, Argmin, Cubic, Surface];
         hold_out: HoldOutSpec = HoldOutSpec::default();
         /// Bootstrap replicates for the intervals.
@@ -146,7 +146,7 @@ section! {
 }
 
 section! {
-    /// The `predict` section: what the laws are asked at the end.
+    /// The `predict` section: predictions to make at the end.
     pub struct PredictSection {
         /// Budgets, in FLOPs, of which the best configuration is given.
         budgets: Vec<f64> = Vec::new();

@@ -1,4 +1,4 @@
-//! How every cell is built and trained: the `model` and `train` sections.
+//! The `model` and `train` sections.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use crate::spec::{Ffn, Precision};
 use crate::units::{ShortForm, number, section, short_form_schema};
 
 section! {
-    /// The `model` section: what all models of the sweep share.
+    /// The `model` section: settings of all models of the sweep.
     pub struct ModelSection {
         ffn: Ffn = Ffn::default();
         /// d_ff is rounded up to a multiple of this; ScaMo has 256, which only large models can afford.
@@ -18,9 +18,9 @@ section! {
         tie_embeddings: bool = false;
         /// Base of the rotary positions' wavelengths.
         rope_base: f64 = 10_000.0;
-        /// Motion slots of n_ctx: 49 codes, the end token and one to spare, as in ScaMo. Where a clip has
-        /// codes on several scales, n_ctx has room for those of as many latents; `masked` takes one slot a
-        /// latent, however many layers it has.
+        /// Motion slots of n_ctx: 49 codes, the end token and one spare, as in ScaMo. If a clip has codes on several
+        /// scales, n_ctx has room for the codes of as many latents; `masked` needs one slot per latent, regardless of
+        /// the number of layers.
         motion_slots: usize = 51;
         /// `scalewise`: share of the codes that training shows as random ones, none; 0.5 in MoSa and
         /// LG-Tok. `masked`: the same of the hidden codes; 0.1 in MoMask.
@@ -79,7 +79,7 @@ pub enum RateParams {
 section! {
     /// The peak of the learning rate = `coefficient` · N^`params_exponent` · D^`tokens_exponent`.
     pub struct LrRule {
-        /// The rate where both exponents are 0.
+        /// The rate if both exponents are 0.
         coefficient: f64 = 0.5;
         /// Which parameters N counts: `nonvocab` or `total`.
         params: RateParams = RateParams::Nonvocab;
@@ -87,7 +87,7 @@ section! {
         params_exponent: f64 = -0.4;
         /// How the rate goes with the tokens of the run.
         tokens_exponent: f64 = 0.0;
-        /// The rule's value is held under this.
+        /// Upper bound of the rule's value.
         max: f64 = 5e-2;
     }
 }
@@ -117,7 +117,7 @@ impl ShortForm for LrRule {
 section! {
     /// Tokens a step = `coefficient` · D^`tokens_exponent`, rounded within bounds.
     pub struct BatchRule {
-        /// Tokens a step where the exponent is 0.
+        /// Tokens per step if the exponent is 0.
         coefficient: f64 = 0.35;
         /// How the batch goes with the tokens of the run.
         tokens_exponent: f64 = 0.5;
@@ -152,7 +152,7 @@ section! {
         /// Tokens a step: one number, or a rule.
         #[schemars(schema_with = "short_form_schema::<BatchRule>")]
         batch: BatchRule = BatchRule::default();
-        /// `f32`, or what a GPU is faster in: `f16`, `bf16`.
+        /// `f32`, or `f16` and `bf16`, which are faster on a GPU.
         precision: Precision = Precision::default();
         /// A cell whose budget buys fewer steps is dropped: it would show its warm-up, not its size.
         min_steps: usize = 200;
@@ -160,7 +160,7 @@ section! {
         weight_decay: f64 = 1e-6;
         /// AdamW's β₁ and β₂.
         betas: Vec<f64> = vec![0.9, 0.95];
-        /// What AdamW adds to the root of the second moment.
+        /// Added by AdamW to the root of the second moment.
         epsilon: f64 = 1e-8;
         /// Global norm to which gradients are clipped; 0 for none.
         clip_norm: f64 = 1.0;
@@ -180,7 +180,7 @@ impl TrainSection {
         Duration::from_secs_f64(self.checkpoint_s.max(0.0))
     }
 
-    /// How long a worker may make no progress; `None` if it may for ever.
+    /// Longest time without progress of a worker; `None` for no limit.
     pub fn hang(&self) -> Option<Duration> {
         (self.hang_s > 0.0).then(|| Duration::from_secs_f64(self.hang_s))
     }

@@ -51,7 +51,7 @@ impl<'a> NewColumn<'a> {
 /// The column that holds the digest of all others.
 const DIGEST: &str = "digest";
 
-/// Of the names and bytes of columns, in the order of their names.
+/// The digest of the names and bytes of columns, in the order of names.
 fn digest<'a>(columns: impl Iterator<Item = (&'a str, &'a [u8])>) -> [u8; 32] {
     let mut columns: Vec<(&str, &[u8])> = columns.filter(|(name, _)| *name != DIGEST).collect();
     columns.sort_unstable_by_key(|(name, _)| *name);
@@ -85,7 +85,7 @@ pub struct MappedFile {
     path: PathBuf,
     map: Arc<Mmap>,
     metadata: Metadata,
-    /// Where the columns' bytes begin.
+    /// The offset of the columns' bytes.
     start: usize,
 }
 
@@ -105,7 +105,7 @@ impl MappedFile {
         Ok(Self { path: path.to_path_buf(), map: Arc::new(map), metadata, start })
     }
 
-    /// The same file, where its columns are those that were written; a file without a digest is another's.
+    /// Checks that the columns match the digest; a file without a digest is not ours.
     ///
     /// # Errors
     /// [`FileError::Damaged`].
@@ -136,7 +136,7 @@ impl MappedFile {
     /// A text entry as a number.
     ///
     /// # Errors
-    /// [`FileError::Damaged`] where it is missing or no number.
+    /// [`FileError::Damaged`] if it is missing or no number.
     pub fn number(&self, name: &str) -> Result<usize, FileError> {
         let number = self.note(name).and_then(|text| text.parse().ok());
         number.ok_or_else(|| self.damaged(format!("its note `{name}` is missing")))
@@ -150,7 +150,7 @@ impl MappedFile {
     /// A column of the file.
     ///
     /// # Errors
-    /// [`FileError::Damaged`] where it is missing or of another type.
+    /// [`FileError::Damaged`] if it is missing or of another type.
     pub fn column<T: Number>(&self, name: &str) -> Result<Column<T>, FileError> {
         let info = self.metadata.info(name).filter(|info| info.dtype == T::DTYPE);
         let info = info.ok_or_else(|| self.lacks(name))?;
@@ -161,7 +161,7 @@ impl MappedFile {
     /// The shape of a column: one number for a list, two for a matrix.
     ///
     /// # Errors
-    /// [`FileError::Damaged`] where it is missing.
+    /// [`FileError::Damaged`] if it is missing.
     pub fn shape(&self, name: &str) -> Result<&[usize], FileError> {
         self.metadata.info(name).map(|info| &info.shape[..]).ok_or_else(|| self.lacks(name))
     }
@@ -170,13 +170,13 @@ impl MappedFile {
         self.damaged(format!("its column `{name}` is missing"))
     }
 
-    /// The error that the file is not what was written.
+    /// The error of a damaged file.
     pub fn damaged(&self, reason: impl ToString) -> FileError {
         FileError::damaged(&self.path, reason)
     }
 }
 
-/// Numbers in a mapped file, or a copy of them where the file does not align them.
+/// Numbers in a mapped file, or a copy if they are not aligned.
 #[derive(Debug)]
 pub enum Column<T> {
     Mapped { map: Arc<Mmap>, bytes: Range<usize>, numbers: PhantomData<T> },

@@ -1,5 +1,4 @@
-//! [`ModelShape`] and [`Pricing`]: the sizes of a model, and what follows from them: parameters, and FLOPs by three
-//! conventions.
+//! [`ModelShape`] and [`Pricing`]: the sizes of a model, its parameters, and its FLOPs by three conventions.
 
 use std::ops::Range;
 
