@@ -1,5 +1,5 @@
-//! How an [`Answer`] follows from laws: the exponents of the optimum or why there are none, the optimum along
-//! the fitted budgets, and the coefficients of the loss; in words, by `say`, the formula, doubts and verdict.
+//! Makes an [`Answer`] from laws: the exponents of the optimum or the reason why there are none, the optimum along
+//! the fitted budgets, and the coefficients of the loss; by `say`, the formula, doubts and verdict as text.
 
 use std::collections::BTreeMap;
 

@@ -1,8 +1,8 @@
 //! From laws and a budget to a configuration: pure functions over values.
 //!
 //! `Laws → raw values at C → projected onto C → nearest buildable shape`, gathered in a
-//! [`Prediction`]. Laws of N and D also tell the loss of a model that is not the best one for its
-//! FLOPs: [`predict_sized`].
+//! [`Prediction`]. Laws of N and D also predict the loss of a model that is not the best one for its FLOPs:
+//! [`predict_sized`].
 //!
 //! # Example
 //!
@@ -10,7 +10,7 @@
 //! use isoflop_laws::laws::scamo;
 //! use isoflop_laws::predict::{PredictOptions, predict};
 //!
-//! // What ScaMo's published laws say of 1e18 FLOPs.
+//! // The optimum for 1e18 FLOPs by ScaMo's published laws.
 //! let best = predict(&scamo(), 1e18, &PredictOptions::default())?;
 //! let [size, vocab, tokens] =
 //!     [best.at.params_nonvocab, best.at.params_vocab, best.at.tokens].map(Option::unwrap);

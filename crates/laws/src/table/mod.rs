@@ -1,4 +1,4 @@
-//! From any table of runs made elsewhere to [`IsoFlopPoint`](crate::laws::IsoFlopPoint)s.
+//! Turns any table of runs into [`IsoFlopPoint`](crate::laws::IsoFlopPoint)s.
 //!
 //! `file → Table → quantities → derived quantities → rows kept and rows dropped`
 //!
@@ -7,10 +7,10 @@
 //! | a CSV, TSV or Parquet file into columns | [`read()`] |
 //! | `7M`, `1,5e7` and other written numbers | `written` |
 //! | `Model Size*1e6`, `loss < 4 and not outlier` | [`Expression::parse`] |
-//! | `--columns` into the quantities a law knows | `columns` |
-//! | the quantities that follow from the others | `derive` |
+//! | `--columns` into quantities | `columns` |
+//! | derived quantities | `derive` |
 //! | the groups of a column | [`groups()`] |
-//! | rows that cannot be trusted | [`OutlierStage::split`] |
+//! | doubtful rows | [`OutlierStage::split`] |
 //! | all of it | [`load`] |
 //!
 //! # Example

@@ -1,4 +1,4 @@
-//! Rows that cannot be trusted, a stage at a time; each is a pure function of the points.
+//! Drops doubtful rows, one stage at a time; each stage is a pure function of the points.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -81,7 +81,7 @@ fn params(point: &IsoFlopPoint) -> f64 {
     point.params_nonvocab + point.params_vocab
 }
 
-/// Indices into `points` grouped by a value, ascending; those of each group in the order given.
+/// Indices into `points` grouped by a value, ascending; each group in the given order.
 fn by(
     points: &[IsoFlopPoint],
     indices: &[usize],
@@ -126,9 +126,9 @@ fn of_budgets(
 /// Sizes within this share of each other are one.
 const SAME_SIZE: f64 = 0.01;
 
-/// Drops a run where an earlier one that stays has its budget, V and seed, and its N within 1 %.
+/// Drops a run if an earlier kept one has the same budget, V and seed, and N within 1 %.
 ///
-/// Nearly equal sizes weigh twice in a parabola and tear a spline.
+/// Nearly equal sizes count twice in a parabola and distort a spline.
 fn duplicates(points: &[IsoFlopPoint]) -> Verdicts {
     let mut verdicts = vec![None; points.len()];
     for runs in vocabularies(points) {
@@ -189,10 +189,10 @@ fn off_centre(points: &[IsoFlopPoint], runs: &[usize]) -> Option<String> {
     })
 }
 
-/// Where the least-squares parabola through the points has its minimum; none if it has none.
+/// The minimum of the least-squares parabola through the points; `None` if it has none.
 ///
-/// It is laid in polynomials orthogonal over the points: 1, z − m, and z² less its projections, so
-/// that no system has to be solved.
+/// It uses polynomials orthogonal over the points: 1, z − m, and z² minus its projections, so no system has to be
+/// solved.
 fn vertex(z: &[f64], y: &[f64]) -> Option<f64> {
     let n = z.len() as f64;
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
@@ -213,24 +213,23 @@ fn vertex(z: &[f64], y: &[f64]) -> Option<f64> {
 const MAX_DEVIATIONS: f64 = 5.0;
 /// The MAD of a normal sample times this is its standard deviation.
 const MAD_TO_SD: f64 = 1.4826;
-/// Sizes that a group needs: three beside the one judged.
+/// Least sizes of a group: three besides the one judged.
 const MIN_SIZES: usize = 4;
 /// Knots on either side of a place that Akima's spline there depends on.
 const REACH: usize = 3;
 /// Misses below this share of the largest loss are rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Drops runs that break the smooth course of their neighbours.
+/// Drops runs that lie off the smooth curve of their neighbours.
 ///
-/// A run's miss is its loss less Akima's spline in ln N through the other sizes of its budget and
-/// vocabulary. Misses of all groups together give the scale: s is 1.4826 times the median of
-/// |miss|, and a run is out where |miss| > 5 s. The deviation is taken from 0 and not from the
-/// median miss: between convex neighbours every spline errs to one side, and where there is no
-/// noise that error is the scale below which nothing can be said.
+/// A run's residual is its loss minus Akima's spline in ln N through the other sizes of its budget and vocabulary. The
+/// residuals of all groups give the scale: s is 1.4826 times the median of |residual|, and a run is dropped if
+/// |residual| > 5 s. Deviations are from 0, not from the median residual: between convex neighbours every spline errs
+/// to one side, and without noise that error is the scale.
 ///
-/// An outlier bends the splines of its neighbours too, so only the worst run within reach goes at a
-/// time, and the rest of the group is judged again. The smallest and the largest size have a
-/// neighbour on one side only and are not judged, nor are groups of fewer than four sizes.
+/// An outlier bends the splines of its neighbours too, so only the worst run within reach is dropped at a time, and the
+/// rest of the group is judged again. The smallest and the largest size, with a neighbour on one side only, and
+/// groups of fewer than four sizes are not judged.
 ///
 /// Akima, H. (1970), "A new method of interpolation and smooth curve fitting based on local
 /// procedures", J. ACM 17(4).
@@ -266,7 +265,7 @@ fn off_spline(points: &[IsoFlopPoint]) -> Verdicts {
 #[derive(Clone, Copy)]
 struct Miss {
     run: usize,
-    /// The place of its N among those of its group, ascending.
+    /// The index of its N in its group, ascending.
     size: usize,
     by: f64,
 }
@@ -304,7 +303,7 @@ fn misses(points: &[IsoFlopPoint], group: &[usize]) -> Vec<Miss> {
     (1..sizes.len() - 1).flat_map(of_size).collect()
 }
 
-/// The knots without the `left_out`, as far as the spline there depends on them.
+/// The knots without the `left_out` that the spline there depends on.
 fn window(knots: &[f64], left_out: usize) -> Vec<f64> {
     let (first, last) = (left_out.saturating_sub(REACH), (left_out + REACH + 1).min(knots.len()));
     [&knots[first..left_out], &knots[left_out + 1..last]].concat()

@@ -119,9 +119,9 @@ pub(in crate::laws) fn test_noise(grids: &[Grid], noise: Option<RunNoise>) -> Op
     Some(TestNoise::new(centre, effects.flatten()?))
 }
 
-/// A cell with what it counts.
+/// A cell with its weight.
 struct Row<'a> {
-    /// Its place from the centre.
+    /// Its place relative to the centre.
     away: [f64; 3],
     weight: f64,
     by_block: &'a [f64],

@@ -12,12 +12,11 @@
 //! | most | `^`, from the right: 2^3^2 is 2^9 and −2^2 is −4 |
 //!
 //! Functions are ln, log10, log2, exp, sqrt, abs, round, floor, ceil, min and max; words are `true`
-//! and `false`. A column is written as it is named, spaces and dashes included: where a name may
-//! stand, the longest name of the table that fits there is taken. In backticks any name may stand.
-//! Texts stand in single or double quotes; a quote within is written twice.
+//! and `false`. A column is written by its name, spaces and dashes included: the longest matching name of the table is
+//! taken. Any name may be written in backticks. Texts are in single or double quotes; a quote within is doubled.
 //!
-//! A comparison is 1 or 0, and every number but 0 is true. What is missing stays missing, through
-//! every operator: NaN for a number, and a comparison with an empty cell is NaN.
+//! A comparison is 1 or 0, and every number but 0 is true. Missing values propagate through every operator: NaN for a
+//! number, and a comparison with an empty cell is NaN.
 
 mod lex;
 #[cfg(test)]
