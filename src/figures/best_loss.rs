@@ -27,7 +27,7 @@ pub fn loss_vs_budget(sources: &Sources) -> Drawing {
     let path: Vec<_> = path.collect();
     let budgets = minima.iter().map(|(minimum, _)| minimum.budget_flops);
     let measured = minima.iter().map(|(minimum, _)| minimum.loss_normalised);
-    // What the laws say of each budget; the held-out one's errors should be seen.
+    // The predictions of the laws at each budget; the errors at the held-out one should be visible.
     let predicted = budgets.clone().flat_map(|flops| {
         let log = laws.loss.log.as_ref().map(|law| law.loss_at(flops));
         let floor = laws.loss.floor.as_ref().map(|law| law.loss_at(flops, laws.reference_flops));
@@ -179,7 +179,7 @@ pub fn loss_vs_data(sources: &Sources) -> Drawing {
     Ok(Page { width: 1000.0, height: 620.0, title, remarks, legend }.panels(vec![plot]))
 }
 
-/// The joint law of all budgets, where it knows what repeated data is worth.
+/// The joint law of all budgets, if it has the worth of repeated data.
 fn joint_law(sources: &Sources) -> Option<JointLaw> {
     let joint = sources.input.laws?.judgement.joint.as_ref();
     let mut own = joint.filter(|law| law.loss.terms.repeats)?.clone();

@@ -1,4 +1,4 @@
-//! From a table of runs and its laws to the figures of a paper, as SVG, PNG and PDF.
+//! Draws the figures of a paper from a table of runs and its laws, as SVG, PNG and PDF.
 //!
 //! Each figure is a function from `Sources` to a page (`scene::Scene`) or to the reason why there is
 //! none. To add one, write such a function and name it in `FIGURES`.
@@ -6,13 +6,13 @@
 //! | layer | files |
 //! | --- | --- |
 //! | the figures | `runs`, `best_loss`, `optima`, `tokenizers`, `quality` |
-//! | what is shown | `sources`, `cells` (runs by model × vocabulary × budget), `fitted` (minima and laws) |
-//! | how a page is laid out | `page`, `panel`, `axis`, `legend` |
+//! | content | `sources`, `cells` (runs by model × vocabulary × budget), `fitted` (minima and laws) |
+//! | layout of a page | `page`, `panel`, `axis`, `legend` |
 //! | shapes and files | `scene`, `colour`, `font`, `formats` (SVG, PNG), `pdf` |
 //!
-//! Motions have pages of their own in [`motion`].
+//! Pages of motions are in [`motion`].
 //!
-//! The same input gives the same bytes: the typeface is in the binary, and a page holds no time.
+//! The same input gives the same bytes: the typeface is in the binary, and a page has no date.
 //!
 //! # Example
 //!
@@ -69,7 +69,7 @@ use cells::Shown;
 use scene::Scene;
 use sources::Sources;
 
-/// What [`draw_all`] wrote, and what it could not show.
+/// The files written by [`draw_all`], and the items that it could not show.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Drawn {
     /// A file of each format for each figure drawn.

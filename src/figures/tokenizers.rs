@@ -1,4 +1,4 @@
-//! The tokenizers of a sweep beside one another, and the codes of one.
+//! The tokenizers of a sweep in comparison, and the codes of one.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +18,7 @@ struct Metric {
     label: &'static str,
     scale: Scale,
     of: fn(&TokenizerMetrics) -> f64,
-    /// The same of k-means with as many codes, where it was measured.
+    /// The same for k-means with as many codes, if measured.
     of_k_means: fn(&TokenizerMetrics) -> Option<f64>,
 }
 
@@ -127,15 +127,15 @@ fn in_capitals(name: &str) -> String {
     }
 }
 
-/// What any tokenizer has to beat.
+/// The baseline.
 fn k_means() -> Stroke {
     Stroke::solid(MUTED, 1.6)
 }
 
 // The codes of one.
 
-/// The codes of a tokenizer, scale by scale: how often each is met, and where they lie (LG-Tok, Figs. 6 and 7);
-/// or the reason why there is no page.
+/// The codes of a tokenizer, scale by scale: their frequencies and embeddings (LG-Tok, Figs. 6 and 7); or the reason
+/// why there is no page.
 pub fn codes(title: &str, map: &CodeMap) -> Drawing {
     // Scales are many and overlap: circles, dark to light.
     let circle = |look| Look { marker: Marker::Circle, ..look };

@@ -1,4 +1,4 @@
-//! [`RunScores`]: what the motions of a run score.
+//! [`RunScores`]: the scores of a run's motions.
 
 use crate::motion::recover_joints;
 use crate::record::{Quality, RunRecord};
@@ -7,11 +7,11 @@ use crate::scores::{Physics, Repeated, physics};
 use crate::spec::ScoresSpec;
 use serde::{Deserialize, Serialize};
 
-/// What the motions of a run score, beside true motions and beside what no motion can be worse than.
+/// The scores of a run's motions, of true motions, and of motions with shuffled captions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunScores {
     pub run_id: String,
-    /// Scores are comparable only with those of the same evaluator.
+    /// Only scores by the same evaluator can be compared.
     pub evaluator_id: String,
     pub spec: ScoresSpec,
     /// The guidance that motions were made with.
@@ -67,10 +67,10 @@ impl RunScores {
     }
 }
 
-/// How far motions are from what a body can do, on average.
+/// Mean physical implausibility of motions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScoredPhysics {
-    /// Motions that were looked at: those of four frames or more.
+    /// Number of motions used: those of four frames or more.
     pub n_motions: usize,
     #[serde(flatten)]
     pub mean: Physics,

@@ -1,5 +1,4 @@
-//! [`PlannedRun`], a run with its id and its price, and the jobs that judge runs: [`EvaluatorJob`] and
-//! [`ScoreJob`].
+//! [`PlannedRun`], a run with its id and cost, and the jobs of scores: [`EvaluatorJob`] and [`ScoreJob`].
 
 use serde::{Deserialize, Serialize};
 
