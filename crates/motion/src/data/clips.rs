@@ -26,14 +26,14 @@ impl ClipFile {
     }
 }
 
-/// What one file of a clip holds.
+/// The content of one file of a clip.
 type Held<T> = Result<(T, UsedFile), String>;
 
-/// Reads the motion of a clip and `texts/<id>.txt` in `root`: the clip if it can be used at all, and a sentence
-/// for each thing that is wrong with it.
+/// Reads the motion of a clip and `texts/<id>.txt` in `root`: the clip if it is usable, and a sentence for each
+/// problem.
 ///
-/// Both are always read, so that all that is wrong is told at once. A bad line among good captions
-/// is a problem, and the clip can still be used.
+/// Both are always read, so that all problems are reported at once. A bad line among good captions is a problem, but
+/// the clip can still be used.
 pub fn load_clip(root: &Path, files: MotionFiles, id: &str) -> (Option<ClipFile>, Vec<String>) {
     crate::progress::moved();
     let mut problems = Vec::new();
@@ -84,7 +84,7 @@ fn read(root: &Path, name: &str) -> Result<Vec<u8>, String> {
 pub struct LengthRule {
     /// Clips and parts with fewer frames are left out.
     pub min_frames: usize,
-    /// Longest item; what exceeds it after cropping to a multiple of 4 is left out.
+    /// Longest item; items that exceed it after cropping to a multiple of 4 are left out.
     pub max_frames: usize,
 }
 
@@ -99,8 +99,8 @@ impl LengthRule {
     /// Length of the item made of `n_frames`: the next lower multiple of 4.
     ///
     /// # Errors
-    /// A clause that says what is wrong if there are fewer frames than the smallest number, or
-    /// still more than the largest after cropping.
+    /// A clause on the problem, if there are fewer frames than the smallest number, or more than the largest after
+    /// cropping.
     fn crop(self, n_frames: usize) -> Result<usize, String> {
         let cropped = n_frames - n_frames % UNIT_FRAMES;
         let fewest = self.min_frames.max(UNIT_FRAMES);

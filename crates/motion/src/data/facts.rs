@@ -1,4 +1,4 @@
-//! What is told of a data set: how much it holds, what a plan needs to know of it, and what is wrong or odd.
+//! Facts of a data set: its size, the input of a plan, and its problems.
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
@@ -13,18 +13,17 @@ use super::texts::read_splits;
 use crate::motion::{BONE_LENGTHS, N_JOINTS, PARENTS, Pose, lowest, recover_joints};
 use crate::spec::{BrokenFiles, ClipShape, Grid};
 
-/// What a plan needs to know of a data set.
+/// The facts of a data set for a plan.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DataFacts {
-    /// Content of the data; `absent` where there is none yet, so that ids are provisional.
+    /// Digest of the data; `absent` if there is none yet, so that ids are provisional.
     pub digest: String,
     /// Clips to train on, to validate on and to test on.
     pub clips: [usize; 3],
-    /// Groups of test clips that were recorded together; a clip of no group is one of its own.
+    /// Groups of test clips that were recorded together; a clip without a group counts as one.
     pub test_groups: usize,
     pub fps: f64,
-    /// Content of the file that the captions' vectors come from, where they come from one; `absent`
-    /// where it is not here.
+    /// Digest of the file of caption vectors, if there is one; `absent` if it is missing.
     pub embeddings: Option<String>,
     /// Contents of the files that a user's program is made of, by their names.
     pub trainer_inputs: BTreeMap<String, String>,
@@ -33,12 +32,12 @@ pub struct DataFacts {
     pub members: Vec<MemberFacts>,
     /// Training clips by their frames; of a very large split a sample.
     lengths: BTreeMap<usize, usize>,
-    /// Training clips by their frames and the tokens of a caption, a clip counting as one over all its
-    /// captions; of a large split a sample. Empty where the captions were not looked at.
+    /// Training clips by frames and caption tokens, each clip with weight one over all its captions; a sample of a large
+    /// split. Empty if captions were not read.
     pub shapes: BTreeMap<ClipShape, f64>,
 }
 
-/// What a plan tells of a data set of a union.
+/// The facts of a data set of a union.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MemberFacts {
     pub name: String,
@@ -65,7 +64,7 @@ impl MemberFacts {
     }
 }
 
-/// What is asked of a source without an end.
+/// The demand on an unlimited source.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Demand {
     /// Supervised tokens.
@@ -103,8 +102,7 @@ impl DataFacts {
         }
     }
 
-    /// Looks at what the captions of its clips take, by `n_tokens` of each; a caption of which that is not
-    /// known is left out.
+    /// Reads the token counts of captions by `n_tokens`; captions with unknown counts are left out.
     pub fn look_at_captions(
         &mut self,
         source: &dyn MotionSource,
@@ -137,7 +135,7 @@ impl DataFacts {
         self.lengths.keys().next_back().copied().unwrap_or(0)
     }
 
-    /// A sum over training clips of what depends on their frames.
+    /// Sums a function of frames over training clips.
     fn over_clips(&self, of_frames: impl Fn(usize) -> usize) -> usize {
         let sampled: usize = self.lengths.values().sum();
         let sum: usize =
@@ -150,8 +148,8 @@ impl DataFacts {
 /// Clips whose captions are looked at, spread over the split.
 const CAPTIONED: usize = 1 << 12;
 
-/// Clips that are looked at one by one; larger splits are estimated from as many. A generated clip must be
-/// sketched to know its length: a hundred million would take minutes.
+/// Clips that are examined one by one; larger splits are estimated from as many. A generated clip must be sketched to
+/// know its length: a hundred million would take minutes.
 const SAMPLED: usize = 1 << 18;
 
 /// Groups of the test split.
@@ -160,14 +158,14 @@ pub fn test_groups(source: &dyn MotionSource) -> usize {
     groups.collect::<BTreeSet<_>>().len()
 }
 
-// How much a data set holds.
+// The size of a data set.
 
 /// Frames of a bin of the histogram of lengths.
 pub const LENGTH_BIN: usize = 20;
 /// Words of a bin of the histogram of captions.
 pub const WORDS_BIN: usize = 5;
 
-/// What a split, or all of them, hold.
+/// The size of a split, or of all.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Tally {
     pub clips: usize,
@@ -241,19 +239,19 @@ fn tally(data: &dyn MotionSource, splits: &[Split]) -> Tally {
     tally
 }
 
-// All that is wrong with a folder, and what is odd about it.
+// Problems of a folder, and oddities.
 
 /// Metres that bones may differ from HumanML3D's.
 const BONES: f32 = 0.02;
 /// Metres below or above the floor at which the lowest joint of a clip may be.
 const FLOOR: f32 = 0.1;
 
-/// What a look at every file found.
+/// The findings over all files.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Checked {
-    /// Sentences about what cannot be used.
+    /// Sentences about unusable items.
     pub problems: Vec<String>,
-    /// Sentences about what can be used and is odd.
+    /// Sentences about odd but usable items.
     pub remarks: Vec<String>,
 }
 
@@ -262,7 +260,7 @@ pub fn check_folder(path: &Path) -> Checked {
     let options = |broken| HumanMl3dOptions { broken, ..HumanMl3dOptions::default() };
     let open = |broken| HumanMl3d::open(path, &options(broken));
     let (problems, data) = match open(BrokenFiles::Refuse) {
-        // What is sound among broken files is looked at too.
+        // Sound clips among broken files are examined too.
         Err(DataError::Broken { problems, .. }) => (problems, open(BrokenFiles::Skip)),
         data => (Vec::new(), data),
     };

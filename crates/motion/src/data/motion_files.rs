@@ -13,20 +13,20 @@ use crate::motion::bvh::Bvh;
 use crate::motion::retarget::leg_ratio;
 use crate::motion::{JOINT_NAMES, N_FEATURES, N_JOINTS, Pose, build_features, recover_joints};
 
-/// What the motion files of a folder hold.
+/// The content of a folder's motion files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MotionFiles {
     pub folder: &'static str,
     /// The shape of each, in words.
     shape: &'static str,
-    /// What the digest of a data set says of them; changes when features follow in another way.
+    /// Their word in the digest of a data set; changes with the computation of features.
     pub rule: &'static str,
 }
 
 impl MotionFiles {
     /// `[T, 263]`.
     pub const FEATURES: Self = Self { folder: "new_joint_vecs", shape: "[frames, 263]", rule: "" };
-    /// The same, as Motion-X has it.
+    /// The same, in Motion-X's layout.
     pub const MOTION_X: Self = Self { folder: "vector_263", ..Self::FEATURES };
     /// `[T + 1, 22, 3]`, metres, y up.
     pub const JOINTS: Self = Self {
@@ -35,7 +35,7 @@ impl MotionFiles {
         rule: " joints-1",
     };
 
-    /// Those of the folder `root`; features where it has both.
+    /// The files of the folder `root`; features if it has both.
     pub fn of(root: &Path) -> Option<Self> {
         [Self::FEATURES, Self::MOTION_X, Self::JOINTS]
             .into_iter()
@@ -83,20 +83,19 @@ fn poses(values: &[f32]) -> Vec<Pose> {
 pub const FPS: f64 = 20.0;
 /// Frames per second of Motion-X's files, which are not resampled.
 const MOTION_X: f64 = 30.0;
-/// What an import says of the folder that it wrote.
+/// The facts that an import stored in the folder.
 const IMPORT: &str = "import.json";
 
-/// What is read of it; a file of that name that somebody else wrote says nothing.
+/// The part that is read; a file of that name by another program is ignored.
 #[derive(Deserialize)]
 struct Import {
     fps: Option<f64>,
 }
 
-/// Frames per second of the files in `root`: those that its import wrote down, those `told`, or those of the
-/// layout.
+/// Frames per second of the files in `root`: stored by its import, `told`, or the layout's.
 ///
 /// # Errors
-/// The import's words cannot be read, or say something else than is told.
+/// The import's file cannot be read, or contradicts `told`.
 pub fn frame_rate(root: &Path, files: MotionFiles, told: Option<f64>) -> Result<f64, DataError> {
     let by_layout = if files == MotionFiles::MOTION_X { MOTION_X } else { FPS };
     match (imported(root)?, told) {
@@ -126,7 +125,7 @@ fn imported(root: &Path) -> Result<Option<f64>, DataError> {
 
 // One motion from one file: features, joints, or BVH.
 
-/// How far the frames per second of a file may be from a multiple of those wanted, as a share.
+/// Relative tolerance of a file's rate from a multiple of the requested one.
 const FPS_TOLERANCE: f64 = 0.01;
 
 /// Features of the motion in a file, row-major `[T, 263]` with T ≥ 1, not normalised, at `fps`
@@ -204,7 +203,7 @@ const LEGS: RangeInclusive<f64> = 0.2..=5.0;
 /// A body whose legs are a hundredth or a hundred times as long is one in another unit.
 fn of_a_body(features: Vec<f32>) -> Result<Vec<f32>, String> {
     let factor = leg_ratio(&recover_joints(&features));
-    // Numbers that are not finite have an error of their own.
+    // Numbers that are not finite have a separate error.
     if !factor.is_finite() || LEGS.contains(&factor) {
         return Ok(features);
     }

@@ -39,8 +39,7 @@ pub const CONTACTS: Range<usize> = 259..263;
 /// A foot is in contact while the square of its step stays below this, in square metres.
 const CONTACT_THRESHOLD_M2: f32 = 0.002;
 
-/// Features of `T + 1` poses that stand anywhere and face anywhere: [`canonicalise`], then
-/// [`features_of_canonical`].
+/// Features of `T + 1` poses at any place and facing: [`canonicalise`], then [`features_of_canonical`].
 ///
 /// # Shapes
 /// `[T + 1]` poses to row-major `[T, 263]`; fewer than two poses give no rows.
@@ -66,7 +65,7 @@ pub(crate) fn lowest(poses: &[Pose]) -> f32 {
 
 /// Metres that a canonical clip may be off the origin and the floor.
 const AT_ORIGIN: f32 = 1e-3;
-/// Radians that its first body may face beside +z.
+/// Tolerance of the first facing direction from +z, radians.
 const FACING: f64 = 1e-3;
 
 /// Whether `poses` are as [`canonicalise`] leaves them, to a millimetre and a milliradian: places that were
@@ -88,7 +87,7 @@ pub fn features_of_canonical(poses: &[Pose]) -> Vec<f32> {
     features_with_headings(poses, &root_headings(poses))
 }
 
-/// The same where the heading of each pose is known.
+/// The same with known headings.
 pub(super) fn features_with_headings(poses: &[Pose], headings: &[Yaw]) -> Vec<f32> {
     let mut features = vec![0.0; poses.len().saturating_sub(1) * N_FEATURES];
     for (t, row) in features.chunks_exact_mut(N_FEATURES).enumerate() {
@@ -117,8 +116,8 @@ fn write_positions(columns: &mut [f32], pose: &Pose, heading: Yaw) {
 /// Rotations by inverse kinematics from positions: `R_b = R_a⁻¹ R(o_b → p_b − p_a)` along each
 /// chain, and `q_t` before its first bone, for the arms too, though they hang from joint 9.
 ///
-/// As `q_t` turns the room to the body and not the body to the room, the first rotation of a chain
-/// is not the body's own; HumanML3D's files are made so, and only its own kinematics undo it.
+/// `q_t` turns the room to the body, not the body to the room, so the first rotation of a chain is not the body's; this
+/// follows HumanML3D's files, and only its own kinematics undo it.
 fn write_rotations(columns: &mut [f32], pose: &Pose, heading: Yaw) {
     for chain in CHAINS {
         let mut parent = heading.quat();

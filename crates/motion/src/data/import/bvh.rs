@@ -1,7 +1,7 @@
-//! BVH files as poses of HumanML3D's skeleton, each skeleton read from all its files.
+//! Reads BVH files as poses of HumanML3D's skeleton; a skeleton is determined from all its files.
 //!
-//! Files are of one skeleton where they have the same joints and their OFFSETs lie alike: one that was turned,
-//! laid down or mirrored with its OFFSETs is of a skeleton of its own.
+//! Files share a skeleton if they have the same joints and similar OFFSETs: a file that was turned, laid down or
+//! mirrored with its OFFSETs is a separate skeleton.
 
 use rayon::prelude::*;
 
@@ -32,7 +32,7 @@ struct Group<'a> {
     files: usize,
 }
 
-/// Reads every file twice: first for what its skeleton is, then for its motion.
+/// Reads every file twice: first for its skeleton, then for its motion.
 pub fn read(files: &[SourceFile], options: &ImportOptions) -> Motions {
     let surveyed: Vec<Result<Surveyed, String>> =
         files.par_iter().map(|file| survey(file, options)).collect();
@@ -47,7 +47,7 @@ pub fn read(files: &[SourceFile], options: &ImportOptions) -> Motions {
         .map(|((file, found), group)| {
             let group = group.as_ref().map_err(String::clone)?;
             let shared = rigs[*group].as_ref().map_err(String::clone)?;
-            // Each file stands as its own OFFSETs do, where these are a standing body: performers differ.
+            // Each file uses its own OFFSETs if they are a standing body: performers differ.
             let zero = &found.as_ref().map_err(String::clone)?.zero;
             let own = rig(zero, &groups[*group]).ok();
             let own = own.filter(|rig| rig.neutral == Neutral::ZeroPose);
@@ -87,7 +87,7 @@ fn groups(surveyed: &[Result<Surveyed, String>]) -> (Vec<Group<'_>>, Vec<Result<
 
 /// Cosine within which a bone of the OFFSETs lies as another file's: 45°, since performers differ.
 const ALIKE: f64 = 0.7;
-/// Share of a leg below which a bone has no direction of its own.
+/// Fraction of a leg below which a bone has no direction.
 const SHORT: f64 = 0.02;
 
 impl Surveyed {
@@ -181,7 +181,7 @@ fn frames_a_second(frame_time_s: f64) -> Result<f64, String> {
     Ok(if let [one] = meant[..] { one } else { fps })
 }
 
-/// How far from the origin a body may be for numbers of four bytes, in metres.
+/// Largest distance of a body from the origin for 4-byte numbers, in metres.
 const FARTHEST_M: f64 = 1e4;
 
 fn skeleton(group: &Group, rig: &Rig) -> Skeleton {

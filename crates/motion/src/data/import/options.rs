@@ -1,4 +1,4 @@
-//! What is imported, how, and why it may fail; the motions that files hold and their rates.
+//! Options and errors of an import; the motions of files and their rates.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use crate::files::{FileError, read_text};
 use crate::motion::JOINT_NAMES;
 use crate::motion::retarget::{NameMap, Pose64, Up, resampled};
 
-/// What the files hold.
+/// The format of the files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// BVH of any hierarchy that has a body's joints.
@@ -35,7 +35,7 @@ impl Form {
     }
 }
 
-/// What no split parts.
+/// The grouping that splits respect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GroupBy {
     /// Files of one folder.
@@ -48,14 +48,14 @@ pub enum GroupBy {
     File,
 }
 
-/// What is imported, and how.
+/// The options of an import.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportOptions {
     pub from: PathBuf,
     pub form: Form,
-    /// Names of joints, where the program's guess is not used.
+    /// Names of joints, to override the program's guess.
     pub map: NameMap,
-    /// The axis that points up, where it is not looked for.
+    /// The axis that points up, if given.
     pub up: Option<Up>,
     /// The axes are left-handed.
     pub left_handed: bool,
@@ -63,13 +63,13 @@ pub struct ImportOptions {
     pub fps: Option<f64>,
     /// Frames per second of the data set.
     pub rate: Rate,
-    /// Folder of captions; by default they lie beside the motions.
+    /// Folder of captions; by default next to the motions.
     pub texts: Option<PathBuf>,
     /// The caption of motions without one, of which not even the name says anything.
     pub caption: String,
-    /// By default folders where there are three or more, or else names.
+    /// By default folders if there are three or more, else names.
     pub group: Option<GroupBy>,
-    /// Replace a data set that stands there.
+    /// Replace an existing data set.
     pub overwrite: bool,
 }
 
@@ -92,7 +92,7 @@ pub fn read_map(path: &Path) -> Result<NameMap, ImportError> {
     lines.into_iter().map(entry).collect()
 }
 
-// What files hold: motions on HumanML3D's skeleton, and the skeletons that they come from.
+// The content of files: motions on HumanML3D's skeleton, and their original skeletons.
 
 /// A file's motion.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,7 +101,7 @@ pub struct Motion {
     pub poses: Vec<Pose64>,
     /// Frames per second of the file.
     pub fps: f64,
-    /// Metres of the target in one of the file's units, where it was changed.
+    /// Metres of the target per unit of the file, if it was changed.
     pub unit_m: Option<f64>,
 }
 
@@ -113,7 +113,7 @@ pub struct Motions {
     pub draft: Option<String>,
 }
 
-/// What a skeleton of the files is taken for.
+/// The interpretation of a skeleton of the files.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Skeleton {
     /// Names of its joints, in the order of the file.
@@ -122,7 +122,7 @@ pub struct Skeleton {
     /// Files that have it.
     pub files: usize,
     pub up: String,
-    /// Where its neutral pose comes from.
+    /// The source of its neutral pose.
     pub neutral: String,
     /// Joints that play the parts of the 22, as `pelvis: Hips`.
     #[serde(rename = "joints")]
@@ -150,7 +150,7 @@ impl Rate {
     /// Frames per second of the data set of these motions.
     ///
     /// # Errors
-    /// They differ, and should be kept.
+    /// They differ, but should be kept.
     pub(super) fn of_all(self, motions: &[Result<Motion, String>]) -> Result<f64, ImportError> {
         let mut rates = motions.iter().flatten().map(|motion| motion.fps);
         match (self, rates.next()) {
@@ -206,7 +206,7 @@ impl ImportError {
     }
 }
 
-/// Problems that are told, at most.
+/// Most problems that are shown.
 const TOLD: usize = 12;
 
 fn first(problems: &[String]) -> String {

@@ -1,14 +1,13 @@
-//! Other skeletons' motion on HumanML3D's skeleton.
+//! Retargets other skeletons' motion to HumanML3D's skeleton.
 //!
 //! ```text
 //! names → Roles ─┐
 //! frames → Survey┴→ Rig ─→ follow → resampled
 //! ```
 //!
-//! [`roles_of`] finds which joint plays which part. [`Survey`] sums what the frames of each file say of its
-//! axes and of standing bodies; [`Rig::of`] makes of all files of a skeleton what moves the target.
-//! [`follow()`] gives a pose for each frame, and [`resampled`] changes the rate. Joints that are given as
-//! places of the 22 joints alone go through [`settled`].
+//! [`roles_of`] assigns roles to joints. [`Survey`] sums over frames the axes and standing bodies of each file;
+//! [`Rig::of`] combines all files of a skeleton into the mapping to the target. [`follow()`] gives a pose for each
+//! frame, and [`resampled`] changes the rate. Positions of the 22 joints alone go through [`settled`].
 
 mod body;
 mod rig;

@@ -49,8 +49,8 @@ pub enum PointsError {
     Backwards,
 }
 
-/// The poses with y up and the target's bones: each keeps its direction, and the root moves as far as the
-/// legs are long (HumanML3D's `uniform_skeleton`).
+/// The poses with y up and the target's bones: each bone keeps its direction, and the root's motion is scaled by the
+/// length of the legs (HumanML3D's `uniform_skeleton`).
 ///
 /// # Errors
 /// [`PointsError`].
@@ -74,7 +74,7 @@ pub fn settled(poses: &[Pose64], told: Option<Up>) -> Result<Settled, PointsErro
     Ok(Settled { poses: moved.collect(), unit_m: Some(unit_m) })
 }
 
-/// How far the toes point to where the body faces, from −1 to 1, on average.
+/// Mean direction of the toes along the facing, from −1 to 1.
 fn toes_forward(poses: &[Pose64]) -> f64 {
     let forward = |pose: &Pose64| Body::from(pose).toes_forward(Axis::Y.unit());
     poses.iter().filter_map(forward).sum::<f64>() / poses.len().max(1) as f64
@@ -129,7 +129,7 @@ fn at(poses: &[Pose64], time: f64) -> Pose64 {
     with_lengths(&pose)
 }
 
-/// Of the frames before, at, after and beyond the interval (Catmull and Rom 1974).
+/// The spline through the frames before, at, after and beyond the interval (Catmull and Rom 1974).
 fn weights(t: f64) -> [f64; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [
