@@ -1,5 +1,4 @@
-//! How well a tokenizer reconstructs, and how much of its codebook it uses; tokenizers side by side, and what a
-//! study should say aloud of them.
+//! Reconstruction and codebook use of tokenizers: metrics, comparison, and warnings.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -24,7 +23,7 @@ pub struct TokenizerMetrics {
     pub reconstruction_l1: f64,
     /// Mean per-joint position error, pelvis-aligned, in millimetres.
     pub mpjpe_mm: f64,
-    /// The same with the true heading in place of the tokenizer's own.
+    /// The same with the true heading instead of the tokenizer's own.
     pub mpjpe_heading_mm: Option<f64>,
     /// `mpjpe_mm` on the validation split, by which tokenizers are chosen.
     pub val_mpjpe_mm: Option<f64>,
@@ -32,16 +31,16 @@ pub struct TokenizerMetrics {
     pub val_mpjpe_heading_mm: Option<f64>,
     /// Share of codes met in the test split, of all codebooks together.
     pub utilisation: f64,
-    /// exp of the entropy of the code histogram of the test split: effective codes. Codes of several
-    /// codebooks stand in one histogram, apart.
+    /// exp of the entropy of the code histogram of the test split: effective codes. Several codebooks share one histogram
+    /// with separate codes.
     pub exponential_entropy: f64,
     pub parameters: usize,
-    /// Steps after which the weights are those that are kept.
+    /// The step of the kept weights.
     pub train_steps: usize,
     pub wall_s: f64,
     /// The use of each scale's own codebook.
     pub scales: Option<Vec<ScaleUse>>,
-    /// Frames that a code stands for; `None` if that depends on the clip.
+    /// Frames per code; `None` if that depends on the clip.
     pub frames_per_code: Option<usize>,
     /// Seed of its weights, clips and windows.
     pub seed: Option<u64>,
@@ -50,7 +49,7 @@ pub struct TokenizerMetrics {
     pub k_means: Option<Baseline>,
 }
 
-/// How much of one codebook the test split uses.
+/// The use of one codebook by the test split.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScaleUse {
     pub n_vocab: usize,
@@ -70,7 +69,7 @@ impl ScaleUse {
 }
 
 impl TokenizerMetrics {
-    /// `patch vq`; `vq` where the architecture is not known.
+    /// `patch vq`; `vq` if the architecture is unknown.
     pub fn name(&self) -> String {
         let words: Vec<&str> =
             self.architecture.iter().map(String::as_str).chain([&*self.kind]).collect();
@@ -78,13 +77,12 @@ impl TokenizerMetrics {
     }
 }
 
-/// How well k-means reconstructs the test split.
+/// The reconstruction of the test split by k-means.
 ///
-/// Principal components of patches of four frames, weighted near what MPJPE counts, with joints at
-/// their height above the root; 15 rounds; a code stands for the patch on the line through all. Beside a
-/// residual quantizer k-means is residual too: as many codebooks of as many codes, each of what those
-/// before it leave over, so that both spend the same bits on a frame. A multi-scale quantizer spends its
-/// bits on a clip whatever its length, which k-means of patches cannot, so it has no such baseline.
+/// Principal components of patches of four frames, with weights close to MPJPE and joints at their height above the
+/// root; 15 rounds; a code decodes to its patch by least squares. The baseline of a residual quantizer is residual too:
+/// as many codebooks of the same size, each for the residual of the previous ones, so both spend the same bits per
+/// frame. A multi-scale quantizer spends a fixed number of bits per clip, so it has no such baseline.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Baseline {
     #[serde(rename = "kmeans_mpjpe_mm")]
@@ -99,7 +97,7 @@ pub struct Baseline {
 /// Millimetres by which MPJPE may rise with V by chance.
 const NOISE_MM: f64 = 1.0;
 
-/// A line a tokenizer, at most 80 columns wide, each beside k-means of as many codes.
+/// One line per tokenizer, at most 80 columns wide, with k-means of as many codes.
 pub fn table(tokenizers: &[TokenizerMetrics]) -> String {
     let mut out = format!(
         "{:>23} {:>15} {:>15} {:>24}\n{:>6} {:<16} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8}\n",
@@ -144,7 +142,7 @@ pub fn remarks(tokenizers: &[TokenizerMetrics]) -> Vec<String> {
     [beaten(tokenizers), no_fall(tokenizers)].into_iter().flatten().collect()
 }
 
-/// On those that k-means is nearer than.
+/// A warning about tokenizers that are worse than k-means.
 fn beaten(tokenizers: &[TokenizerMetrics]) -> Option<String> {
     let lost = tokenizers.iter().filter_map(|t| {
         let k_means = t.k_means.filter(|k_means| k_means.mpjpe_mm < t.mpjpe_mm)?;
@@ -195,8 +193,7 @@ pub struct CodeMap {
 /// The codes of one scale.
 pub struct ScaleCodes {
     pub met: CodeHistogram,
-    /// Where the embedding of each code lies along the two first principal components of all codes that
-    /// were met, of all scales together, `[v]`.
+    /// The embedding of each code along the first two principal components of all used codes of all scales, `[v]`.
     pub places: Vec<[f64; 2]>,
 }
 

@@ -39,17 +39,17 @@ impl Evaluator {
         Self { networks, seen, fps }
     }
 
-    /// What it was trained by.
+    /// Its specification.
     pub fn spec(&self) -> &EvaluatorSpec {
         &self.seen.spec
     }
 
-    /// What motions are normalised by.
+    /// The normalisation of motions.
     pub fn stats(&self) -> &FeatureStats {
         &self.seen.stats
     }
 
-    /// Frames per second of the motions that it knows.
+    /// Frames per second of its motions.
     pub fn fps(&self) -> f64 {
         self.fps
     }
@@ -113,7 +113,7 @@ impl Evaluator {
         Ok(write_json(&folder.join(SPEC), &saved)?)
     }
 
-    /// Reads what [`Evaluator::save`] wrote, for use on `device`.
+    /// Reads files of [`Evaluator::save`], for use on `device`.
     ///
     /// # Errors
     /// A file is missing or damaged.
@@ -129,7 +129,7 @@ impl Evaluator {
     }
 }
 
-/// What is known of an evaluator beside its weights.
+/// The facts of an evaluator, besides weights.
 #[derive(Serialize, Deserialize)]
 struct Saved {
     spec: EvaluatorSpec,
@@ -139,7 +139,7 @@ struct Saved {
 const WEIGHTS: &str = "weights.safetensors";
 const SPEC: &str = "evaluator.json";
 
-// [`AnyNetworks::init`] is the one place that tells kinds apart.
+// Only [`AnyNetworks::init`] matches on the kind.
 
 /// Networks of any kind, as a module.
 #[derive(Module, Debug)]

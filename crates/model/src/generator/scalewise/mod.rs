@@ -1,11 +1,10 @@
-//! LG-Tok's scale-by-scale transformer (after MoSa and VAR): the codes of a scale are predicted all at
-//! once, from the text, the length of the clip and the scales before.
+//! LG-Tok's scale-by-scale transformer (after MoSa and VAR): predicts all codes of a scale at once, from the text, the
+//! length of the clip and the earlier scales.
 //!
-//! A sequence is `[text | scale 1 | scale 2 | …]`. The rows of scale 1 are learned; those of a later
-//! scale are the sum of what the scales before it add to the tokenizer's latents, brought to its length
-//! and projected. A row sees text and all rows of its own and earlier scales, and codes of one time have
-//! one angle. Text stands in front, as in the autoregressive transformer; the released code reads it by
-//! cross-attention.
+//! A sequence is `[text | scale 1 | scale 2 | …]`. The rows of scale 1 are learned; those of a later scale are the sum
+//! of the earlier scales' contributions to the tokenizer's latents, resized to its length and projected. A row attends
+//! to the text and all rows of its own and earlier scales, and codes at the same time have the same angle. Text is in
+//! front, as in the autoregressive transformer; the released code uses cross-attention.
 
 mod batch;
 mod model;
@@ -129,7 +128,7 @@ impl<'a> Objective<'a> for EachScale<'a> {
         split_loss(&model.frozen(), self.inputs, split)
     }
 
-    /// Of the largest scale: an ignorant model is no worse on another.
+    /// For the largest scale: a uniform guess is no worse on others.
     fn uniform_nats(&self) -> f64 {
         let largest = self.spec.codes.scales.iter().map(|scale| scale.n_vocab).max();
         (largest.unwrap_or(1) as f64).ln()
@@ -223,7 +222,7 @@ impl ScalewiseSampler {
             let angles: Vec<usize> = angles.collect();
             let kept = motions.iter().flat_map(|motion| motion.kept(motion.codes.len(), n));
             let kept: Vec<Option<u32>> = kept.collect();
-            // What stays reads no text, which is about what is made anew (LG-Tok, eq. 7).
+            // Kept codes do not attend to the text, which describes the new part (LG-Tok, eq. 7).
             let blind: Vec<bool> = kept.iter().map(Option::is_some).collect();
             let x_nd = growing.join(x_nd, &angles, &blind.repeat(each));
             let mut logits = rows(self.model.logits(scale, x_nd));
