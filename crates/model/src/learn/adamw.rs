@@ -9,7 +9,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use crate::learn::weights::{HostTensor, Source, Sources, Weights};
 use crate::ops::{self, AdamWStep};
 
-/// What AdamW is told once.
+/// The settings of AdamW.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AdamWConfig {
     pub beta_1: f64,

@@ -1,18 +1,17 @@
-//! What the training of a tokenizer makes small: the error of features, or of joints in metres, as a person
-//! would see it.
+//! The loss of a tokenizer: the error of features, or of joints in metres.
 //!
 //! # The loss in joints
 //!
 //! With p the true and p̂ the predicted positions of the joints about the root, m the visible frames
-//! and e the error of the root's half turns, summed over the frames before,
+//! and e the error of the root's half turns, summed over earlier frames,
 //!
 //! given = mean_m mean_j ‖p − p̂‖ / 0.1 m, own = mean_m mean_j ‖p − R(−2 Σe) p̂‖ / 0.1 m,
 //! features = mean_m Σ_f w_f smooth L1, velocity = mean_m mean |Δp − Δp̂| / 0.02 m,
 //!
 //! loss = ½ (given + own) + feature_weight · features + velocity_weight · velocity.
 //!
-//! The gradient is written out and computed on the host in one pass: composed of tensor operations the
-//! loss would take longer than the network.
+//! The gradient is computed on the host in one pass: composed of tensor operations, the loss would take longer than the
+//! network.
 //!
 //! Shapes: b clips, t frames, f features.
 
@@ -27,7 +26,7 @@ use crate::spec::TokenizerTraining;
 /// mean over its own values (T2M-GPT's loss; it calls the positions "velocity"). `[1]`.
 ///
 /// With d = prediction − target and g = clamp(d, −1, 1) one value's loss is g (d − g/2). Its
-/// derivative in d is g even where g is held fixed, so g stays out of the graph.
+/// derivative in d is g even if g is constant, so g stays out of the graph.
 pub fn reconstruction_loss(
     prediction_btf: Tensor<3>,
     target_btf: Tensor<3>,
@@ -40,7 +39,7 @@ pub fn reconstruction_loss(
     ((apart_btf - Tensor::from_inner(clamped_btf * 0.5)) * weighted_btf).sum()
 }
 
-/// What each feature counts for in a sum over all values, `[1, 1, f]`.
+/// The weight of each feature in a sum over all values, `[1, 1, f]`.
 fn feature_weights(like_btf: &Tensor<3>, position_weight: f64) -> Tensor<3> {
     let [b, t, n_features] = like_btf.dims();
     let frames = (b * t) as f64;
@@ -67,9 +66,9 @@ const JOINTS: usize = (POSITIONS.end - POSITIONS.start) / 3;
 const DISTANCE_M: f64 = 0.1;
 /// Metres a frame that count as one.
 const VELOCITY_M: f64 = 0.02;
-/// Keeps the distance's gradient finite where it is 0, in m².
+/// Keeps the gradient of a zero distance finite, in m².
 const SOFTENING_M2: f64 = 1e-6;
-/// How much the turn, the rest of the root and each other feature count for.
+/// The weights of the turn, the rest of the root and each other feature.
 const TURN: f64 = 12.0;
 const ROOT: f64 = 6.0;
 
@@ -153,7 +152,7 @@ impl JointLoss {
         let n = self.normaliser.n_features();
         let turn_std = f64::from(self.normaliser.std[ROOT_YAW]);
         let (mut sum, mut angle) = (0.0, 0.0);
-        // What the loss of a frame grows by with the error of the heading there.
+        // The derivative of a frame's loss by the heading error.
         let mut by_angle = vec![0.0; visible.len()];
         let mut before: Option<[Point; JOINTS]> = None;
         for (t, &visible) in visible.iter().enumerate() {
@@ -245,7 +244,7 @@ impl JointLoss {
         }
     }
 
-    /// Of a joint about the root, in metres.
+    /// The position of a joint about the root, in metres.
     fn position(&self, frame: &[f32], joint: usize) -> Point {
         std::array::from_fn(|i| {
             let column = POSITIONS.start + 3 * joint + i;

@@ -1,5 +1,5 @@
-//! Convolutions over frames, a few rows at a time: what a row reads is laid side by side, and
-//! multiplied by one weight while it is in the cache.
+//! Convolutions over frames, a few rows at a time: the inputs of a row are concatenated, and multiplied by one weight
+//! while they are in the cache.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use crate::ops::{Convolution, Taps};
 /// Rows of a chunk.
 const CHUNK: usize = 128;
 
-/// What each row made reads of x `[n, c]`: for every row, k places.
+/// The inputs of each output row in x `[n, c]`: k indices per row.
 struct Reading<'a> {
     convolution: Convolution,
     x: &'a [f32],
@@ -41,7 +41,7 @@ impl<'a> Reading<'a> {
         &self.sources[rows.start * k..rows.end * k]
     }
 
-    /// What `rows` read, `[rows, k c]`: x itself, or laid side by side in `room`.
+    /// The inputs of `rows`, `[rows, k c]`: x itself, or concatenated in `room`.
     fn of<'b>(&'b self, rows: &Range<usize>, room: &'b mut [f32]) -> &'b [f32] {
         let rectify = self.convolution.rectify;
         match (self.convolution.taps, rectify) {

@@ -1,4 +1,4 @@
-//! What lies between the halves of a tokenizer: latents to codes and back. A file a kind, alone and
+//! Quantizers: latents to codes and back, between the halves of a tokenizer. One file per kind, plain and
 //! residual.
 //!
 //! Shapes: b clips, t latents of a clip, s codes of a clip on a scale, c channels.
