@@ -1,4 +1,4 @@
-//! Scores of other systems, as papers print them: to be named beside one's own, not compared with them.
+//! Scores of other systems, from papers: shown next to our own, not comparable with them.
 
 use std::fmt;
 
@@ -7,14 +7,14 @@ use serde::Serialize;
 /// The rows, as a table; `x±y` is a mean with the half of its 95 % interval.
 const ROWS: &str = include_str!("published/rows.csv");
 
-/// Each evaluator's name, and what it is: what rows are scored by. Scores by different evaluators are not comparable.
+/// Each evaluator's name and description. Scores by different evaluators are not comparable.
 pub const EVALUATORS: [(&str, &str); 3] = [
     ("guo", "matching networks of Guo et al. (2022), on 263 features (KIT-ML: 251)"),
     ("mardm", "MARDM's (Meng et al. 2024), on the first 67 features"),
     ("lg-tok", "LG-Tok's, whose row of MARDM on HumanML3D is that of `mardm`"),
 ];
 
-/// Each source's name, and what it is: where rows were read.
+/// Each source's name and description.
 pub const SOURCES: [(&str, &str); 4] = [
     ("motion-anything", "Motion Anything (arXiv 2503.06955), supplementary material, Table 1"),
     ("vimorag", "VimoRAG (NeurIPS 2025), Table 7; codebooks of 512"),
@@ -31,7 +31,7 @@ pub struct Published {
     pub evaluator: &'static str,
     /// One of [`SOURCES`].
     pub source: &'static str,
-    /// By the name of the score, those that are printed.
+    /// The printed scores by name.
     pub scores: Vec<(&'static str, Printed)>,
 }
 
@@ -39,7 +39,7 @@ pub struct Published {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Printed {
     pub mean: f64,
-    /// Of the 95 % interval, where one is printed.
+    /// Half-width of the 95 % interval, if printed.
     pub half_width: Option<f64>,
 }
 
@@ -103,7 +103,7 @@ that measured them. Not among them, since no readable copy was at hand: Tables 2
 row, and Tables 2 and 3 of LG-Tok but for what its abstract and project page say.
 ";
 
-/// What a column is called on the page.
+/// The title of a column on the page.
 fn heading(name: &str) -> &str {
     match name {
         "r_precision_1" => "R@1 ↑",

@@ -24,10 +24,10 @@ impl<'a> Corpus<'a> {
         Self { source, text: None }
     }
 
-    /// What a tokenizer reads of the captions; `None` if it has no language.
+    /// The captions for a tokenizer; `None` if it has no language.
     ///
     /// # Errors
-    /// It has language, and there are no vectors or they are of another width.
+    /// It has language, but there are no vectors, or they have another width.
     pub(super) fn read_by(
         &self,
         spec: &TokenizerSpec,
@@ -46,7 +46,7 @@ impl<'a> Corpus<'a> {
 #[derive(Clone, Debug)]
 pub struct ReadCaptions<'a> {
     store: &'a TextStore,
-    /// How often a clip in training loses its caption.
+    /// Probability of dropping a caption in training.
     drop: f64,
 }
 
@@ -134,14 +134,14 @@ fn joint_heights() -> impl Iterator<Item = usize> {
     (POSITIONS.start + 1..POSITIONS.end).step_by(3)
 }
 
-/// Features to normalised values of those that a tokenizer sees, and back.
+/// Converts features to the normalised values of a tokenizer, and back.
 #[derive(Clone, Debug)]
 pub struct Normaliser {
-    /// Mean of what is normalised, `[f]`.
+    /// Mean of the normalised features, `[f]`.
     pub mean: Vec<f32>,
     /// Deviation of each feature, `[f]`.
     pub std: Vec<f32>,
-    /// Whether joints stand at their height above the root, and values are bounded.
+    /// Whether joint heights are relative to the root, and values are bounded.
     relative: bool,
     /// Features of a frame before it is narrowed to f.
     all: usize,
@@ -186,8 +186,8 @@ impl Normaliser {
         values
     }
 
-    /// Inverse of [`Normaliser::apply`], but for what was beyond the bound; features that are not seen
-    /// are made of the others, clip after clip of `n_frames` frames.
+    /// Inverse of [`Normaliser::apply`], except for values beyond the bound; unused features are computed from the others,
+    /// clip by clip of `n_frames` frames.
     pub fn undo(&self, mut values: Vec<f32>, n_frames: usize) -> Vec<f32> {
         for frame in values.chunks_exact_mut(self.n_features()) {
             for ((x, &mean), &std) in frame.iter_mut().zip(&self.mean).zip(&self.std) {

@@ -1,5 +1,5 @@
-//! Tokenising a whole data set, once, into a [`TokenStore`](crate::codes::TokenStore)'s file; what is made
-//! so far is kept in [`Parts`], so that a killed process loses little.
+//! Tokenises a whole data set into a [`TokenStore`](crate::codes::TokenStore)'s file; intermediate results are kept in
+//! [`Parts`], so that a killed process loses little.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -15,10 +15,10 @@ use crate::files::FileError;
 use crate::files::columns::{MappedFile, NewColumn, write};
 use crate::progress::{Stop, moved};
 
-/// Tokenises every clip of every split into one file at `path`, written whole, by rename. What it has made so
-/// far it keeps in `parts`, and goes on from there.
+/// Tokenises every clip of every split into one file at `path`, renamed into place. Keeps intermediate results in
+/// `parts`, and resumes from them.
 ///
-/// `None`: stopped between two parts.
+/// `None` if stopped between two parts.
 ///
 /// # Errors
 /// A clip cannot be read or is shorter than a token, or a file cannot be written.
@@ -63,7 +63,7 @@ fn tokenize_split(
     Ok(Some(SplitTokens::new(clips).in_groups(groups)))
 }
 
-/// The codes of every batch, those that are kept and those that are made now; `None`: stopped.
+/// The codes of every batch, kept or computed now; `None` if stopped.
 fn in_parts(
     batches: &[ClipBatch],
     split: Split,

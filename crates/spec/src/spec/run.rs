@@ -1,5 +1,5 @@
-//! [`RunSpec`] and [`TokenizerJob`]: all that a worker needs to know, and the ids that follow; [`ScoresSpec`]: how
-//! motions of runs are made and scored.
+//! [`RunSpec`] and [`TokenizerJob`]: the input of workers, with ids; [`ScoresSpec`]: generation and scoring of motions of
+//! runs.
 
 use std::collections::BTreeMap;
 
@@ -14,10 +14,10 @@ use crate::units::section;
 
 plain!(Precision);
 
-/// The word that stands for the trainer in PyTorch that comes with isoflop; words behind it are its options.
+/// The word for isoflop's PyTorch trainer; words after it are its options.
 const TORCH: &str = "torch";
 
-/// Whether a command is that of the trainer in PyTorch that comes with isoflop.
+/// Whether a command is isoflop's PyTorch trainer.
 pub fn is_torch(command: &str) -> bool {
     command.split_whitespace().next() == Some(TORCH)
 }
@@ -61,7 +61,7 @@ pub struct RunSpec {
     pub data_digest: String,
     pub text_id: String,
     pub tokenizer_id: String,
-    /// The program that trains it; `None` for the built-in trainer, whose ids know no such field.
+    /// The user's trainer; `None` for the built-in one (then omitted from the hash, so ids stay stable).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trainer: Option<TrainerProgram>,
     /// What it has of the keys that the sweep varies, as `train.lr=0.001`; ids of others know no such field.
@@ -69,7 +69,7 @@ pub struct RunSpec {
     pub varied: Option<String>,
 }
 
-/// What of a user's program its results follow from.
+/// The parts of a user's trainer that affect results.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainerProgram {
     pub command: String,
@@ -240,10 +240,9 @@ section! {
         /// Conditions, as `n_vocab == 512 and budget >= 1e12`; runs that meet one of them are scored, and
         /// all where there is none.
         only: Vec<String> = Vec::new(), unless "Vec::is_empty";
-        /// How often a motion of every test clip's caption is made.
+        /// Number of repeats, each with one motion per test clip.
         repeats: usize = 20;
-        /// How far motions are moved away from those without text; `autoregressive` knows no guidance and is
-        /// scored without.
+        /// Strength of classifier-free guidance; `autoregressive` has none and is scored without.
         guidance: f64 = 0.0;
         /// Strength of caption guidance in decoding, for a tokenizer with language.
         detokenizer_guidance: f64 = 0.0;
@@ -273,7 +272,7 @@ impl ScoresSpec {
         Self { only: Vec::new(), ..self.clone() }
     }
 
-    /// What nothing can be scored by.
+    /// Problems that make scoring fail.
     pub fn problems(&self) -> Vec<KeyProblem> {
         let several = |n| self.multimodal_captions == 0 || n > 1;
         let share = |p: Option<f64>| p.is_none_or(|share| share > 0.0 && share <= 1.0);

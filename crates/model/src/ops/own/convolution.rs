@@ -65,7 +65,7 @@ impl<'a> Reading<'a> {
         room
     }
 
-    /// Adds the gradients by what `rows` read to those by x.
+    /// Adds the gradients by the inputs of `rows` to those by x.
     fn give_back(&self, rows: &Range<usize>, by_taps: &[f32], by_x: &mut [f32]) {
         for (&source, from) in self.sources(rows).iter().zip(by_taps.chunks_exact(self.c)) {
             let Some(row) = source else { continue };
@@ -132,7 +132,7 @@ impl Operation<3> for Convolution {
     }
 }
 
-/// max(x, 0), but what is no number stays none: `f32::max` would hide it.
+/// max(x, 0) that keeps NaN: `f32::max` would hide it.
 fn rectified(x: f32) -> f32 {
     if x < 0.0 { 0.0 } else { x }
 }

@@ -1,9 +1,8 @@
 //! Products of large matrices: the linear layers, the head, and their gradients.
 //!
-//! The right operand is copied into [`Panels`] first, so that what a tile reads of it lies in one
-//! piece; the left operand is read where it lies. A tile of eight rows by a panel stays in
-//! registers for up to [`DEPTH`] multiply-adds an element. Every element is summed in the order of
-//! the inner dimension, cut at multiples of [`DEPTH`], whatever the vectors of the machine are.
+//! The right operand is copied into [`Panels`] first, so that a tile reads contiguous memory; the left operand is read in
+//! place. A tile of eight rows by a panel stays in registers for up to [`DEPTH`] multiply-adds per element. Every element
+//! is summed in the order of the inner dimension, cut at multiples of [`DEPTH`], for every vector width.
 
 use std::ops::Range;
 

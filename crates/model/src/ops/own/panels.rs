@@ -117,12 +117,12 @@ impl Panels {
 #[derive(Clone, Copy)]
 pub struct Part<'a> {
     pub rows: &'a [[f32; PANEL]],
-    /// Those that belong to the matrix.
+    /// Columns of the matrix.
     pub columns: usize,
 }
 
 impl Part<'_> {
-    /// Whether one vector holds what is not filled up.
+    /// Whether one vector is enough for the columns without padding.
     #[inline(always)]
     pub fn is_narrow(self) -> bool {
         self.columns <= LANES

@@ -1,7 +1,7 @@
 //! The vectors of x86-64.
 //!
-//! Values of these types are made only in kernels that [`vectorised!`](super::lanes::vectorised)
-//! has picked after asking the processor: that is what every `unsafe` here rests on.
+//! Values of these types exist only in kernels that [`vectorised!`](super::lanes::vectorised) picked after checking the
+//! CPU: every `unsafe` here relies on this.
 
 use std::arch::x86_64::*;
 

@@ -10,7 +10,7 @@ use crate::units::{Ways, named, number};
 /// Codes beyond which a codebook is taken for a slip of the pen.
 const MOST_CODES: usize = 1 << 24;
 
-/// A codebook, resolved: what is hashed.
+/// A codebook, resolved for hashing.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum CodebookSpec {
@@ -36,7 +36,7 @@ pub enum CodebookKind {
 #[error("{problem}")]
 pub struct VocabularyError {
     pub problem: String,
-    /// How to mend it.
+    /// The remedy.
     pub help: Option<String>,
 }
 
@@ -123,7 +123,7 @@ impl CodebookSpec {
     }
 }
 
-// FSQ's levels: which ones stand for a codebook size, and the mixed-radix numbers they make.
+// FSQ's levels for a codebook size, and their mixed-radix numbers.
 
 /// ScaMo Table 8: the size a set of levels is named after, and the levels.
 ///

@@ -1,4 +1,4 @@
-//! [`TokenizerSpec`]: everything that a tokenizer follows from, beside its data.
+//! [`TokenizerSpec`]: the full specification of a tokenizer, without its data.
 
 mod architecture;
 mod training;
@@ -22,7 +22,7 @@ use super::{
 };
 use crate::units::or_default;
 
-/// A tokenizer, resolved: what is hashed.
+/// A tokenizer, resolved for hashing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TokenizerSpec {
@@ -191,7 +191,7 @@ fn of_patches(section: QuantizerSection) -> QuantizerSection {
     QuantizerSection { mix, ..section }
 }
 
-/// A size that every kind of codebook has: what a section is checked with.
+/// A size valid for every kind of codebook, to check a section.
 const ANY_SIZE: usize = 64;
 
 impl TokenizerSection {
