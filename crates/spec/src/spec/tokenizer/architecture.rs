@@ -60,7 +60,7 @@ pub enum Codes {
     /// They follow the encoder, which training changes.
     #[default]
     Learned,
-    /// They stay at the k-means centres of the patches' principal components, and only the decoder is trained.
+    /// Codes stay at the k-means centres of the patches' principal components, and only the decoder is trained.
     /// A code depends only on its own frames, and vocabularies differ only in size, however long training takes.
     Fixed,
 }

@@ -211,7 +211,7 @@ keys! {
     weight_decay: f64 = 0.0, 0.01;
     /// Norm that gradients are scaled down to: none, for patches 1; 0 for none.
     clip_norm: f64 = 0.0, 1.0;
-    /// Training clips in memory, all of them used: 2048.
+    /// Training clips kept in memory and trained on: 2048.
     pool_clips: usize = 2048, 2048;
     /// Seed of the weights, the pool and the windows: 0.
     seed: u64 = 0, 0;
