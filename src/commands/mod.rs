@@ -160,7 +160,7 @@ impl Cli {
     }
 }
 
-/// What is written names files, and its documents hold UTF-8 alone.
+/// Checks that arguments are UTF-8: outputs name files, and JSON is UTF-8 only.
 ///
 /// # Errors
 /// The first word of the command line that is not UTF-8.

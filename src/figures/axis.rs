@@ -29,7 +29,7 @@ pub fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
 }
 
-/// Which way an axis runs; it decides how much room a tick's label takes.
+/// The direction of an axis; it decides the room of a tick's label.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     Across,

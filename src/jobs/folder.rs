@@ -19,7 +19,7 @@ use crate::sweep::{self, Sweep, SweepErrors};
 /// The checkpoint of a job, in its folder.
 pub const CHECKPOINT: &str = "checkpoint";
 
-/// How far a job is.
+/// The state of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JobState {
@@ -123,7 +123,7 @@ impl ResultsFolder {
         self.read_spec(job).ok().flatten()
     }
 
-    /// How far a job is.
+    /// The state of a job.
     pub fn state(&self, job: &JobId) -> JobState {
         let folder = self.job(job);
         if self.product(job).exists() {

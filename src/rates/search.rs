@@ -56,7 +56,7 @@ pub(super) fn rate_factor(rate: i32) -> f64 {
 /// The result of a setting at a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
-    /// Which of the cells.
+    /// The index of the cell.
     pub cell: usize,
     pub setting: Setting,
     /// L_u in nats; `None` if the run diverged, or the budget buys too few steps.

@@ -1,4 +1,4 @@
-//! What a fit answers of tables that tell little, or whose truth or paper is known.
+//! Answers of fits to weak tables, and to tables with a known truth or paper.
 
 use std::path::{Path, PathBuf};
 

@@ -56,7 +56,7 @@ pub struct TableArgs {
         help_heading = "Table"
     )]
     pub outliers: Vec<OutlierStage>,
-    /// Which law to fit
+    /// The law to fit
     #[arg(long, value_parser = a_law(), help_heading = "Law")]
     pub law: Option<LawKind>,
 }
@@ -99,7 +99,7 @@ pub struct FitArgs {
     /// minima and of the frontier, in MADs of their residuals.
     #[arg(long, value_name = "DELTA|mad|none", value_parser = huber, help_heading = "Law")]
     pub huber: Option<Huber>,
-    /// Where the search for a parametric law begins: a few good points, or Hoffmann's 4500
+    /// Starts of the search for a parametric law: a few good points, or Hoffmann's 4500
     #[arg(long, value_parser = one_of(STARTS), help_heading = "Law")]
     pub starts: Option<Starts>,
     /// Keep the exponents of model and data equal (alpha1 = beta)

@@ -202,7 +202,7 @@ struct Offer {
     pub runs: usize,
 }
 
-/// What sweeps are made of and measured by.
+/// The settings and speeds for sweeps.
 struct Terms<'a> {
     pub hours: f64,
     /// Codes of the training split; `None` if they have no end.

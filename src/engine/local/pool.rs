@@ -233,11 +233,11 @@ mod tests;
 #[derive(Debug, Default)]
 pub struct Waiting {
     jobs: Vec<Option<Job>>,
-    /// How many needs of each are open.
+    /// The number of open dependencies of each.
     open: Vec<usize>,
     needed_by: HashMap<JobId, Vec<usize>>,
     ready: BTreeSet<usize>,
-    /// How many others were let past each.
+    /// The number of jobs that overtook each.
     passed: Vec<usize>,
 }
 
@@ -290,7 +290,7 @@ impl Waiting {
         self.passed.push(0);
     }
 
-    /// What needs a job that is done now needs one less.
+    /// Marks a job as done for its dependents.
     pub fn is_there(&mut self, id: &JobId) {
         for index in self.needed_by.remove(id).unwrap_or_default() {
             self.open[index] -= 1;

@@ -227,14 +227,14 @@ const ASSUMED_PARALLEL: usize = 16;
 /// Tasks a slot, so that the last to end does not hold up the rest for long.
 const TASKS_PER_SLOT: usize = 3;
 
-/// How long a task should be, given all the work in seconds: `target_s` at most, and so short that
-/// each of `parallel` slots gets three, but not below a minute.
+/// The target length of a task, given all the work in seconds: at most `target_s`, and short enough that each of
+/// `parallel` slots gets three, but not below a minute.
 pub fn length_s(all_s: f64, target_s: f64, parallel: Option<usize>) -> f64 {
     let tasks = TASKS_PER_SLOT * parallel.unwrap_or(ASSUMED_PARALLEL);
     (all_s / tasks as f64).max(LEAST_S).min(target_s)
 }
 
-/// How many tasks of a length hold the work of some units, each of which stays whole.
+/// The number of tasks of a length for the work of units that cannot be split.
 pub fn count(units_s: &[f64], length_s: f64) -> usize {
     let all: f64 = units_s.iter().sum();
     ((all / length_s).ceil() as usize).clamp(1, units_s.len().max(1))

@@ -133,7 +133,7 @@ pub fn array(tasks: usize, parallel: Option<usize>) -> String {
     format!("--array=0-{}{limit}", tasks.saturating_sub(1))
 }
 
-/// What the section names, and no more.
+/// Only the keys of the section.
 pub fn asked_for(resources: &Resources) -> Vec<String> {
     let text = |text: &Option<String>| text.clone();
     let word = |word: &Option<Word>| word.as_ref().map(|word| word.0.clone());

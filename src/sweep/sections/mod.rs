@@ -122,7 +122,7 @@ section! {
     }
 }
 
-/// Which budget takes no part in the fit.
+/// The budget left out of the fit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum HoldOutSpec {

@@ -50,9 +50,9 @@ section! {
         warmup: f64 = 0.1;
         /// The last learning rate as a share of the peak.
         final_share: f64 = 0.0;
-        /// Of `wsd`: the share of the run that decays.
+        /// `wsd`: the fraction of the run that decays.
         decay: f64 = 0.2;
-        /// Of `wsd`: runs of one model, vocabulary and seed are trained together up to their decays,
+        /// `wsd`: runs of one model, vocabulary and seed are trained together up to their decays,
         /// with one batch, rate and warm-up.
         share: bool = false;
     }
@@ -81,7 +81,7 @@ section! {
     pub struct LrRule {
         /// The rate if both exponents are 0.
         coefficient: f64 = 0.5;
-        /// Which parameters N counts: `nonvocab` or `total`.
+        /// The parameters counted by N: `nonvocab` or `total`.
         params: RateParams = RateParams::Nonvocab;
         /// How the rate goes with the parameters.
         params_exponent: f64 = -0.4;

@@ -111,7 +111,7 @@ fn together(held: &[&Validated]) -> String {
 
 // The sources of error that the intervals cover.
 
-/// What the intervals of the exponents cover; for laws of minima, with the half-width for N_nv's exponent.
+/// The sources of error in the intervals of the exponents; for laws of minima, with the half-width for N_nv's exponent.
 /// `None` without intervals.
 fn intervals(laws: &Laws) -> Option<String> {
     if laws.recommended_law().is_joint() {

@@ -99,7 +99,7 @@ pub struct Together {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weighed {
     pub law: Candidate,
-    /// Those of a forecast sum to 1, but for laws below half a percent.
+    /// The weights of a forecast sum to 1, except for laws below half a percent.
     pub weight: f64,
 }
 
@@ -113,7 +113,7 @@ pub struct Intervals {
     /// On other clips of their kind; absent if it is not known which were recorded together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss_on_other_clips: Option<[f64; 2]>,
-    /// Of the floor law's loss.
+    /// Interval of the floor law's loss.
     #[serde(default)]
     pub loss_floor: Option<[f64; 2]>,
 }
@@ -156,7 +156,7 @@ pub struct Raw {
 pub struct FlopCount<'a> {
     /// `openai`, `6nd` or `exact`.
     pub rule: &'a str,
-    /// Of N_nv, N_v and D; must grow with each.
+    /// Function of N_nv, N_v and D; must grow with each.
     pub flops: &'a (dyn Fn(f64, f64, f64) -> f64 + Sync),
 }
 

@@ -70,8 +70,7 @@ fn shift(own: Said, other: Said) -> Deviations {
 
 // The part of an interval that grows with the distance from the fit.
 
-/// How far forecasts go astray at a distance from their fit, redrawn for each replicate: which law is
-/// right, and how far it misses.
+/// The forecast error at a distance from the fit, drawn for each replicate: the law, and its error.
 pub(super) struct Spread {
     opinions: Vec<Opinion>,
     /// ln of the budget over the largest fitted; 0 within the fit.

@@ -264,7 +264,7 @@ impl Derived {
         })
     }
 
-    /// What the value would have to be; none if it will do.
+    /// The requirement that the value fails; `None` if it is valid.
     fn rejects(&self, quantity: Quantity, value: f64) -> Option<&'static str> {
         let unknown = match quantity {
             Quantity::ParamsVocab | Quantity::NVocab => self.parameters == Parameters::Total,

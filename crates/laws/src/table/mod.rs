@@ -77,7 +77,7 @@ pub enum Column {
     Written { numbers: Vec<f64>, cells: Vec<String> },
 }
 
-/// What a column stands for in an expression.
+/// The value of a column in an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reads {
     Number,
@@ -170,7 +170,7 @@ fn distinct(column: &Column, rows: &[usize]) -> Vec<String> {
 
 // The quantities that a column can stand for.
 
-/// What a column of a table can be, by the names of `--columns`.
+/// The quantities of columns, by the names of `--columns`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Quantity {
     /// N, where the vocabulary is not told apart.
@@ -187,19 +187,19 @@ pub enum Quantity {
     Tokens,
     /// C as declared: rows are grouped by it.
     BudgetFlops,
-    /// What the run spent, where that differs from the declared budget.
+    /// The FLOPs of the run, if different from the declared budget.
     Flops,
     /// The loss to fit.
     Loss,
     /// Tells repeats of one configuration apart.
     Seed,
-    /// How much the row counts.
+    /// The weight of the row.
     Weight,
     /// Distinct tokens of what the run was trained on.
     UniqueTokens,
-    /// What it saw of the data, 1 being all.
+    /// The fraction of the data used, 1 for all.
     Share,
-    /// What messages call the row.
+    /// The name of the row in messages.
     RunId,
 }
 
@@ -272,7 +272,7 @@ pub struct UnknownName {
     valid: String,
 }
 
-/// What a name stands for among all of a kind.
+/// The item of a kind with a name.
 fn named<T: Copy>(
     kind: &'static str,
     name: &str,

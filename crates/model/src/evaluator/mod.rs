@@ -151,7 +151,7 @@ mod tests {
         std::fs::read(folder.join("weights.safetensors")).unwrap()
     }
 
-    /// What an evaluator that learned nothing is caught by, and one that learned something passes.
+    /// An untrained evaluator fails the gates; a trained one passes them.
     #[test]
     fn gates_tell_a_trained_evaluator_from_an_untrained_one() {
         gates_tell(KINDS[0], 0.2);

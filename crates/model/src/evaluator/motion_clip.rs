@@ -170,7 +170,7 @@ fn contrast(
     (cross_entropy(logits_nn.clone()) + cross_entropy(logits_nn.transpose())) * 0.5
 }
 
-/// Which pairs have the same caption, and are not the same pair.
+/// Different pairs with the same caption.
 fn same(caption_ids: &[u32], device: &Device) -> Tensor<2, Bool> {
     let n = caption_ids.len();
     let of = |i: usize| (0..n).map(move |j| i != j && caption_ids[i] == caption_ids[j]);

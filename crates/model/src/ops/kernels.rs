@@ -10,7 +10,7 @@ use super::{
     HeadWeights, plain,
 };
 
-/// Which implementation of the operations to use.
+/// The implementation of the operations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kernels {
     /// Hand-written kernels, on the device `flex` and in `f32` only. Single-threaded, and the

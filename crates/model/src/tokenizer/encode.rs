@@ -93,7 +93,7 @@ fn in_parts(
 /// Batches of a part: about 130,000 frames.
 const BATCHES: usize = 64;
 
-/// Where the codes of batches are kept until those of all are there, and the flag that stops between parts.
+/// The folder of the codes of batches until all are done, and the flag that stops between parts.
 #[derive(Clone, Copy, Debug)]
 pub struct Parts<'a> {
     /// Made where it is missing.

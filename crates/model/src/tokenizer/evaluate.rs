@@ -1,5 +1,5 @@
-//! Measuring a tokenizer on the whole test split, and what any has to beat: k-means of patches, without context
-//! and without learning.
+//! Measures a tokenizer on the whole test split, and the baseline: k-means of patches, without context and without
+//! training.
 
 use burn::module::Module;
 use burn::tensor::Device;
@@ -70,7 +70,7 @@ pub fn evaluate(
     })
 }
 
-/// How far what a tokenizer makes of its codes is from the truth, a frame's mean.
+/// Reconstruction error of a tokenizer, mean per frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Reconstruction {
     /// Mean absolute error of normalised features.
@@ -109,7 +109,7 @@ impl Reconstruction {
 
 /// Sums over one batch.
 struct Score {
-    /// Of |x − x̂| / std, a frame's mean.
+    /// |x − x̂| / std, mean per frame.
     l1: f64,
     mpjpe_mm: f64,
     given_heading_mm: f64,

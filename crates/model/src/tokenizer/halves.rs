@@ -1,4 +1,4 @@
-//! What the two halves of a tokenizer are, and what a pass tells them beside features and latents.
+//! The two halves of a tokenizer, and their inputs other than features and latents.
 //!
 //! Shapes: b clips, t frames, f features, c latent channels; t/s latents where a latent stands for s
 //! frames.
@@ -49,7 +49,7 @@ macro_rules! stands_for {
 }
 pub(super) use stands_for;
 
-/// What a pass reads beside features and latents.
+/// The inputs of a pass other than features and latents.
 #[derive(Default)]
 pub struct Pass<'a> {
     /// The clips' captions, where the tokenizer has language.

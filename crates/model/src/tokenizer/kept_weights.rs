@@ -1,5 +1,4 @@
-//! The weights that are kept of a training: [`Average`] of them, and those that [`Watch`] finds the best on the
-//! validation split.
+//! The weights kept from a training: their [`Average`], and the best on the validation split by [`Watch`].
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor};

@@ -79,7 +79,7 @@ fn read(root: &Path, name: &str) -> Result<Vec<u8>, String> {
 
 // Items.
 
-/// Which lengths are used.
+/// The lengths that are used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LengthRule {
     /// Clips and parts with fewer frames are left out.

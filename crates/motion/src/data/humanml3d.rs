@@ -29,7 +29,7 @@ pub struct HumanMl3dOptions {
     pub mirror: bool,
     /// The treatment of broken files and lines.
     pub broken: BrokenFiles,
-    /// Which lengths are used.
+    /// The lengths that are used.
     pub lengths: LengthRule,
     /// Frames per second, if the folder does not store it.
     pub fps: Option<f64>,

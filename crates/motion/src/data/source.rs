@@ -17,7 +17,7 @@ use crate::motion::N_FEATURES;
 /// Clips come in multiples of so many frames, as the public loaders of HumanML3D crop them.
 pub const UNIT_FRAMES: usize = 4;
 
-/// Which part of a data set.
+/// A split of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Split {

@@ -12,7 +12,7 @@ use crate::units::{or_default, section};
 
 plain!(EvaluatorKind, Mismatches);
 
-/// Which networks, as it is written in a sweep file.
+/// The kind of networks, as in a sweep file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum EvaluatorKind {
@@ -35,7 +35,7 @@ macro_rules! shared {
             ///
             /// The defaults train in a minute or two on a core.
             pub struct EvaluatorSection {
-                /// Which networks they are.
+                /// The kind of networks.
                 kind: EvaluatorKind = EvaluatorKind::default();
                 /// Channels of a row in both towers (128); for `kind: matching`, of the convolutions and of
                 /// the GRUs over captions (64), which is half of those over motions.
@@ -217,7 +217,7 @@ pub struct MatchingSpec {
     pub dropout: f64,
 }
 
-/// Which pairs of a batch are pushed apart.
+/// The pairs of a batch that are pushed apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Mismatches {

@@ -34,7 +34,7 @@ pub struct RunSpec {
     /// The codes that it learns to make.
     pub codes: Grid,
     pub budget_flops: f64,
-    /// What it sees of the training split; left out where it is all of it.
+    /// The fraction of the training split that it uses; left out if all.
     #[serde(default, skip_serializing_if = "Share::is_whole")]
     pub share: Share,
     pub batch_tokens: usize,
@@ -64,7 +64,7 @@ pub struct RunSpec {
     /// The user's trainer; `None` for the built-in one (then omitted from the hash, so ids stay stable).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trainer: Option<TrainerProgram>,
-    /// What it has of the keys that the sweep varies, as `train.lr=0.001`; ids of others know no such field.
+    /// Its values of varied keys, e.g. `train.lr=0.001`; omitted from the hash of other runs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub varied: Option<String>,
 }
@@ -218,9 +218,9 @@ impl Precision {
         }
     }
 
-    /// What the mean loss of so many targets is multiplied by before its gradients are taken, and
-    /// they are divided by after: in `f16` about as many, so that a target's own share is not lost
-    /// below 6e-8. A power of two, which rounds nothing.
+    /// The factor of the mean loss over targets before gradients are taken (they are divided by it afterwards): in `f16`
+    /// about the number of targets, so that a target's part does not underflow below 6e-8. A power of two, which is
+    /// exact.
     pub fn loss_scale(self, targets: usize) -> f64 {
         match self {
             Self::F16 => targets.next_power_of_two().min(MOST_SCALED) as f64,
@@ -260,7 +260,7 @@ section! {
         multimodal_motions: usize = 30;
         /// Motions of a run that are kept as files, in `samples/<run>/scored`; those of the first repeat.
         samples: usize = 16;
-        /// Of motions, pools and pairs.
+        /// Seed of motions, pools and pairs.
         seed: u64 = 0;
     }
 }

@@ -87,7 +87,7 @@ pub struct Laws {
     pub bootstrap: Vec<LawSample>,
     /// Warnings: data left out, coefficients that are not identified.
     pub warnings: Vec<String>,
-    /// Which law to believe, and how far.
+    /// The recommended law, and its reliability.
     #[serde(flatten)]
     pub judgement: Judgement,
     /// The answer shown by screen, figures, report and files; absent in an older file.

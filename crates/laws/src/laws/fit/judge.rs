@@ -18,7 +18,7 @@ const JOINT_REPLICATES: usize = 200;
 /// Replicates for each part of an interval.
 const PART_REPLICATES: usize = 100;
 
-/// Which law to believe, and how far.
+/// The recommended law, and its reliability.
 pub(super) fn judge(
     laws: &Laws,
     grids: &[Grid],

@@ -52,7 +52,7 @@ impl fmt::Display for MinimumMethod {
     }
 }
 
-/// Which budget is kept out of the fit, to measure the laws' error at.
+/// The budget left out of the fit, to measure the laws' error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum HoldOut {
     /// The largest; none, with a warning, if that would leave fewer than two.

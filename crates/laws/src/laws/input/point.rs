@@ -22,7 +22,7 @@ pub struct IsoFlopPoint {
     pub n_vocab: f64,
     /// D.
     pub tokens: f64,
-    /// Which loss this is.
+    /// The kind of loss.
     pub metric: Metric,
     /// The loss; lower is better. L_u is in nats, and 0 for the unigram model.
     pub loss: f64,

@@ -84,7 +84,7 @@ pub(in crate::laws) struct Place {
 }
 
 impl Place {
-    /// Of N_nv, V (0 if unknown) and D, of a split of `unique_tokens`.
+    /// From N_nv, V (0 if unknown) and D, with `unique_tokens` distinct tokens.
     pub fn new([size, n_vocab, tokens]: [f64; 3], unique_tokens: Option<f64>) -> Self {
         let ln_vocab = if n_vocab > 0.0 { n_vocab.ln() } else { 0.0 };
         Self { ln_size: size.ln(), ln_vocab, ln_tokens: tokens.ln(), unique_tokens }

@@ -118,7 +118,7 @@ impl Bootstrap<'_> {
         }
     }
 
-    /// Which kind of minimum a replicate's laws go through.
+    /// The kind of minimum of a replicate's laws.
     fn method_of(&self, stream: u64) -> Option<usize> {
         match self.sources.method {
             true => self.admissible.get(stream as usize % self.admissible.len().max(1)).copied(),

@@ -133,7 +133,7 @@ fn interpolate(
     }
 }
 
-/// Which edges of the grid a minimum lies at or beyond.
+/// The edges of the grid at or beyond which a minimum lies.
 fn outside(grid: &Grid, minimum: &Minimum, u: f64) -> Vec<MinimumFlag> {
     let [low, high] = extent(grid.cells.iter().map(|cell| cell.n_vocab));
     let beyond_sizes = u.abs() >= 1.0;

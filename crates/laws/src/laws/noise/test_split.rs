@@ -95,8 +95,8 @@ impl OtherClips {
 /// Fewer blocks say nothing about a standard deviation.
 const FEWEST: usize = 5;
 
-/// Of some budgets, ascending; none if a cell does not know its blocks, there are few, or the cells do not
-/// tell how blocks differ over them.
+/// Fits the effects over ascending budgets; `None` if a cell lacks its blocks, there are few, or the cells do not
+/// determine them.
 pub(in crate::laws) fn test_noise(grids: &[Grid], noise: Option<RunNoise>) -> Option<TestNoise> {
     let largest = grids.last()?;
     let (best, n_blocks) = (largest.best(), largest.best().by_block.len());

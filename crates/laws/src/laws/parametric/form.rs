@@ -48,7 +48,7 @@ pub(super) const MAX_PARAMS: usize = 7;
 pub(super) type Vector = [f64; MAX_PARAMS];
 pub(super) type Matrix = [[f64; MAX_PARAMS]; MAX_PARAMS];
 
-/// Which free parameter each parameter of a form follows; none if it is frozen.
+/// The free parameter of each parameter of a form; `None` if it is frozen.
 pub(super) type Slots = [Option<usize>; MAX_PARAMS];
 
 impl Form {

@@ -62,7 +62,7 @@ pub(super) struct Objective<'a> {
     pub curvature: Curvature,
 }
 
-/// Which second derivatives the Hessian holds.
+/// The second derivatives in the Hessian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Curvature {
     /// All of them.

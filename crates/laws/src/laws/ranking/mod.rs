@@ -212,8 +212,8 @@ enum Fitted {
 }
 
 impl Fitted {
-    /// Of the budget of some runs; a joint law for the distinct tokens that they had. None if there is no
-    /// such law of the loss.
+    /// The prediction at the budget of some runs; for a joint law with their distinct tokens. `None` without such a law of
+    /// the loss.
     fn at(&self, grid: &Grid) -> Option<Optimum> {
         let budget = grid.budget_flops;
         let (set, law) = match self {

@@ -40,7 +40,7 @@ impl Expression {
     /// Reads an expression over the columns of `table`.
     ///
     /// # Errors
-    /// What was not understood, with a caret under it and the nearest valid name.
+    /// The part not understood, with a caret under it and the nearest valid name.
     pub fn parse(text: &str, table: &Table) -> Result<Self, ExpressionError> {
         let root = tokens(text, table).and_then(|tokens| parse(tokens, text.len()));
         let root = root.map_err(|(span, problem)| {
@@ -57,7 +57,7 @@ impl Expression {
         Some(Self { text: name.to_string(), root })
     }
 
-    /// What was written.
+    /// The text as written.
     pub fn text(&self) -> &str {
         &self.text
     }
@@ -65,7 +65,7 @@ impl Expression {
     /// The value for each row; NaN where something is missing.
     ///
     /// # Errors
-    /// Where the expression is a text, or `table` lacks a column of the table it was read for.
+    /// If the expression is a text, or `table` lacks a column of the table it was read for.
     pub fn numbers(&self, table: &Table) -> Result<Vec<f64>, ExpressionError> {
         match self.value(table)? {
             Value::Numbers(numbers) => Ok(numbers.spread(table.n_rows)),

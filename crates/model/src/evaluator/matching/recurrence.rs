@@ -190,7 +190,7 @@ impl Order {
         all.map(|(step, start, length)| row(step, start, length) as u32).collect()
     }
 
-    /// Which sequences go on at a step, 1 or 0, `[n, 1]`; `None` if all do.
+    /// 1 for sequences that continue at a step, else 0, `[n, 1]`; `None` if all do.
     fn going_on(&self, step: usize, device: &Device) -> Option<Tensor<2>> {
         let goes = |(_, length): &(usize, usize)| f32::from(u8::from(step < *length));
         let values: Vec<f32> = self.sequences.iter().map(goes).collect();

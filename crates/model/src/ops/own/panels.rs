@@ -1,4 +1,4 @@
-//! How the operands of a product lie in memory.
+//! Memory layout of the operands of a product.
 
 use std::ops::Range;
 

@@ -7,7 +7,7 @@ use std::arch::x86_64::*;
 
 use super::lanes::{LANES, Lanes};
 
-/// Which compiled version of a kernel the processor can run.
+/// The compiled version of a kernel for this CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Isa {
     Baseline,

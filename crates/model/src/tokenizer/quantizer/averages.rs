@@ -1,4 +1,4 @@
-//! Where the codes of a learned codebook lie: placed by k-means (Lloyd 1982) or the first batch, and moved by
+//! Initialises the codes of a learned codebook by k-means (Lloyd 1982) or from the first batch, and updates them by
 //! [`Averages`], on the host.
 //!
 //! Shapes: n latents, c channels, v codes or centres.

@@ -43,12 +43,11 @@ pub trait Quantizer {
         vec![n_latents]
     }
 
-    /// What the first scale adds, the first two together, and so on, `[b, t, c]` each, for as many
-    /// scales as there are codes of: the codes of each clip may end after any scale. Every id is below
-    /// its scale's `n_vocab`.
+    /// The cumulative sums over scales, `[b, t, c]` each, one per scale with codes: a prefix of the scales is allowed. Every
+    /// id is below its scale's `n_vocab`.
     fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>>;
 
-    /// What the decoder sees for the codes of clips, `[b, t, c]`: the last of [`Quantizer::sums`].
+    /// The decoder's input for the codes of clips, `[b, t, c]`: the last of [`Quantizer::sums`].
     fn embed(&self, ids: &[u32], extent: Extent) -> Tensor<3> {
         self.sums(ids, extent).pop().expect("codes of one scale at least")
     }
@@ -56,9 +55,9 @@ pub trait Quantizer {
     /// The embedding of every code of each scale by itself, `[v, c]` each.
     fn codebooks(&self) -> Vec<Tensor<2>>;
 
-    /// What a generator that makes codes scale after scale is shown before each scale but the first:
-    /// the sum of the scales before it, at its own length, `[b, s, c]` (VAR, LG-Tok). Codes of the first
-    /// n scales give the inputs of the scales 2 to n + 1, as far as there are such.
+    /// The inputs of a scale-by-scale generator for each scale but the first: the sum of the earlier scales, at the scale's
+    /// length, `[b, s, c]` (VAR, LG-Tok). Codes of the first n scales give the inputs of the existing scales among 2 to
+    /// n + 1.
     fn inputs(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
         let lengths = self.lengths(extent.n_latents);
         let sums = self.sums(ids, extent).into_iter();
@@ -70,7 +69,7 @@ pub trait Quantizer {
         Vec::new()
     }
 
-    /// What training needs to go on from beside the weights.
+    /// The state of training, besides weights.
     fn keep(&self) -> LearnerState {
         LearnerState::default()
     }
@@ -218,7 +217,7 @@ fn resume_parts<'a>(
 /// Draws how many layers a training step uses, so that the first of them carry what they can alone.
 #[derive(Clone, Debug)]
 struct Dropout {
-    /// How often layers are dropped.
+    /// Probability of dropping layers.
     share: f64,
     rng: ChaCha8Rng,
 }
@@ -234,7 +233,7 @@ impl Dropout {
         if unit(&mut self.rng) < self.share { 1 + below(&mut self.rng, n) } else { n }
     }
 
-    /// How far its generator has come: as text, since that has 68 bits.
+    /// Position of its random generator, as text, since it has 68 bits.
     fn keep(&self) -> Value {
         json!(self.rng.get_word_pos().to_string())
     }

@@ -86,7 +86,7 @@ impl SelfAttention {
 pub struct Memory {
     /// `[m, d]`.
     pub rows_md: Tensor<2>,
-    /// Which frames attend to which rows.
+    /// The mask from frames to rows.
     pub options: CrossOptions,
 }
 

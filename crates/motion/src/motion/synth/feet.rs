@@ -1,4 +1,4 @@
-//! Where a foot is: planted, rolling off its toe, or in one of its swings.
+//! The state of a foot: planted, rolling off its toe, or swinging.
 
 use super::maths::{Blend, FloorPose, Side, V3, arch, smooth};
 

@@ -43,7 +43,7 @@ impl Repeats {
     }
 }
 
-/// Which hands act.
+/// The hands that act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hands {
     One(Side),

@@ -110,7 +110,7 @@ pub(super) const TINY: ModelShape = ModelShape {
 
 // FLOPs, by three conventions.
 
-/// Which count of FLOPs a budget is spent in and the laws are written in.
+/// The FLOP rule of budgets and laws.
 #[derive(
     Clone,
     Copy,
@@ -234,7 +234,7 @@ pub fn exact_whole(
 
 // [`Pricing`]: what a generator takes, and [`Context`]: what surrounds it.
 
-/// What surrounds a generator, of which its kind takes what it needs.
+/// The context of a generator; a kind uses the parts that it needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Context {
     /// Tokens of the longest text.
@@ -278,7 +278,7 @@ impl ClipShape {
     }
 }
 
-/// What steps count of a clip.
+/// The unit of a step's count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Places {
     pub count: usize,
@@ -286,7 +286,7 @@ pub struct Places {
     pub tokens_each: usize,
 }
 
-/// What a generator takes, before it is built.
+/// The cost of a generator, before it is built.
 pub trait Pricing {
     /// The word in files: `autoregressive`.
     fn name(&self) -> &'static str;
@@ -300,7 +300,7 @@ pub trait Pricing {
     /// Forward FLOPs a supervised token by every convention, after a text of `prefix` tokens.
     fn flops_per_token(&self, codes: &Grid, prefix: usize) -> FlopsPerToken;
 
-    /// What steps count of a clip of so many frames: its targets.
+    /// The count of a clip by its frames: its targets.
     fn places(&self, codes: &Grid, n_frames: usize) -> Places {
         Places { count: codes.n_targets(n_frames), tokens_each: 1 }
     }

@@ -141,7 +141,7 @@ impl ArchitectureSpec {
         sizes.codes
     }
 
-    /// Which halves see a caption; `None` if neither does.
+    /// The halves that read a caption; `None` if neither does.
     pub fn language(&self) -> Option<&LanguageSpec> {
         let Self::Transformer(sizes) = self else { return None };
         sizes.language.as_ref()

@@ -1,4 +1,4 @@
-//! How a tokenizer is trained, and the `tokenizer` section of a sweep file, which has the same keys.
+//! The training of a tokenizer, and the `tokenizer` section of a sweep file, with the same keys.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -30,7 +30,7 @@ impl TokenizerTrainer {
     }
 }
 
-/// Which tokenizer, as it is written in a sweep file.
+/// The kind of tokenizer, as in a sweep file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum TokenizerKind {
@@ -108,7 +108,7 @@ macro_rules! keys {
                 kind: TokenizerKind = TokenizerKind::default();
                 /// The trainer of the tokenizers.
                 trainer: TokenizerTrainer = TokenizerTrainer::default(), unless "TokenizerTrainer::is_built_in";
-                /// Which quantizer: FSQ by default, VQ for patches.
+                /// The quantizer: FSQ by default, VQ for patches.
                 quantizer: Option<QuantizerSection> = None, unless "Option::is_none";
                 /// The features of a frame that are read and made.
                 representation: Representation = Representation::default(), unless "crate::units::is_default";

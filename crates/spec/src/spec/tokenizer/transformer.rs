@@ -44,7 +44,7 @@ pub struct TransformerSpec {
     pub detokenizer: Detokenizer,
     /// Dropout on the output of each part of a layer.
     pub dropout: f64,
-    /// Which halves see a caption; `None` if neither does.
+    /// The halves that read a caption; `None` if neither does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub language: Option<LanguageSpec>,
 }
