@@ -31,8 +31,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// A limit on file sizes should be an error of the write that meets it, and not the end of the
-/// program.
+/// Makes a limit on file sizes an error of the write that meets it, not the end of the program.
 fn ignore_file_size_signal() {
     use nix::sys::signal::{SigHandler, Signal, signal};
     // SAFETY: no handler is installed, and this is before any thread is started.

@@ -1,5 +1,5 @@
-//! `isoflop report`: results as one page that opens without a network: a sweep's, or those of a table
-//! made elsewhere or of a `laws.json`, as far as it holds what the page shows.
+//! `isoflop report`: writes one HTML page on a sweep, on a table made elsewhere or on a `laws.json`; it needs no
+//! network.
 
 use super::fit::{TableArgs, TableStudy, beside};
 use super::generators::{home, parted};
@@ -21,7 +21,7 @@ pub struct ReportArgs {
     /// A sweep's folder, a table of runs made elsewhere (.csv, .tsv, .parquet), or a laws.json
     #[arg(value_name = "RESULTS|TABLE|LAWS")]
     pub results: PathBuf,
-    /// The file to write; by default report.html in the sweep's folder, or NAME.html beside a table
+    /// The file to write; by default report.html in the sweep's folder, or NAME.html next to a table
     #[arg(long)]
     pub out: Option<PathBuf>,
     #[command(flatten)]
@@ -34,7 +34,9 @@ pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
         return written(args, beside(&args.results, ".html"), &html, output);
     }
     if args.table != TableArgs::default() {
-        bail!("a sweep's page is of all of its runs: --columns, --where and --law are of a table");
+        bail!(
+            "a sweep's page shows all of its runs: --columns, --where and --law are for tables only"
+        );
     }
     not_of_groups(&args.results)?;
     let folder = ResultsFolder::new(&args.results);
@@ -56,7 +58,7 @@ pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
     written(args, folder.file("report.html"), &html, output)
 }
 
-/// Writes the page to the file asked for, or to the usual one.
+/// Writes the page to the requested file, or to the default one.
 fn written(args: &ReportArgs, usual: PathBuf, html: &str, output: &Output) -> Result<Exit> {
     let path = args.out.clone().unwrap_or(usual);
     atomic::write_bytes(&path, html.as_bytes())?;
@@ -66,7 +68,7 @@ fn written(args: &ReportArgs, usual: PathBuf, html: &str, output: &Output) -> Re
 
 // The page of a table made elsewhere, or of a `laws.json`.
 
-/// The page as HTML; what cannot be drawn is a note.
+/// The page as HTML; a figure that cannot be drawn is a note.
 fn page_of(path: &Path, args: &TableArgs, output: &Output) -> Result<String> {
     let study = TableStudy::open(path, args, output)?;
     let folder = tempfile::tempdir().context("making a folder for the figures")?;
@@ -92,16 +94,16 @@ fn page_of(path: &Path, args: &TableArgs, output: &Output) -> Result<String> {
 
 // The results of one generator of a sweep, for its page.
 
-/// The slider ends at so many times the largest budget that laws were fitted to.
+/// The slider ends at this factor times the largest fitted budget.
 const FARTHEST: f64 = 1000.0;
 
-/// Budgets of a decade: rounded, ten of about the same ratio.
+/// Budgets of the slider per decade: ten rounded numbers with about equal ratios.
 const STEPS: [f64; 10] = [1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0, 6.3, 8.0];
 
-/// The runs of one generator, and what its folder says of them.
+/// The runs of one generator, and the results in its folder.
 struct GeneratorResults {
     generator: Option<String>,
-    /// What the loss is called, if it is not L_u.
+    /// The name of the loss, if it is not L_u.
     pub loss_name: Option<String>,
     verdict: String,
     laws: Option<Laws>,
@@ -111,7 +113,7 @@ struct GeneratorResults {
 }
 
 impl GeneratorResults {
-    /// Runs that bear `laws`, or none, with predictions for the slider and for the budgets that were `told`.
+    /// Runs with their `laws`, if any, and predictions for the slider and for the budgets in `told`.
     pub fn new(
         laws: Option<Laws>,
         told: &[Prediction],
@@ -119,7 +121,7 @@ impl GeneratorResults {
         figures: Vec<Figure>,
     ) -> Self {
         let verdict = laws.as_ref().map_or_else(
-            || "The runs bear no laws; `isoflop fit` says why.".to_string(),
+            || "No laws could be fitted; `isoflop fit` says why.".to_string(),
             |laws| fit::text(laws, &[], false),
         );
         let predictions = laws.as_ref().map(|laws| along(laws, told)).unwrap_or_default();
@@ -135,7 +137,7 @@ impl GeneratorResults {
         Ok(Self::new(laws, &told, records, figures))
     }
 
-    /// What the page shows of it.
+    /// Its contents on the page.
     pub fn study(&self) -> Study<'_> {
         Study {
             generator: self.generator.as_deref(),
@@ -166,7 +168,7 @@ fn of_each(
     parted.into_iter().map(own).collect()
 }
 
-/// Predictions for the slider: rounded budgets from the first fitted one on, and those of the sweep.
+/// Predictions for the slider: rounded budgets from the first fitted one on, and the sweep's own.
 fn along(laws: &Laws, told: &[Prediction]) -> Vec<Prediction> {
     let [first, last] = laws.range();
     if first >= last {
@@ -183,7 +185,7 @@ fn along(laws: &Laws, told: &[Prediction]) -> Vec<Prediction> {
     budgets.into_iter().filter_map(|budget| predict::predict_one(laws, budget).ok()).collect()
 }
 
-// What a folder of results keeps, for its page.
+// Files of a results folder, for its page.
 
 /// The figures of a folder, by name; none where there is no folder. What isoflop does not draw is left out, with a
 /// warning.
@@ -206,12 +208,12 @@ fn kept_figures(folder: &Path, output: &Output) -> Result<Vec<Figure>> {
     Ok(figures)
 }
 
-/// A file's text; empty where there is none.
+/// A file's text; empty without the file.
 fn text(path: &Path) -> Result<String> {
     Ok(read_text_if_there(path)?.unwrap_or_default())
 }
 
-/// The cells that were not run, each in a line; none where no plan is kept.
+/// The cells that were not run, one per line; none without a plan.
 fn dropped(folder: &ResultsFolder) -> Result<Vec<String>> {
     /// What is read of it.
     #[derive(Deserialize)]
@@ -234,7 +236,7 @@ fn dropped(folder: &ResultsFolder) -> Result<Vec<String>> {
 /// Motions that a page shows.
 const SHOWN: usize = 6;
 
-/// What is read of `motions.json`.
+/// The part of `motions.json` that is read.
 #[derive(Deserialize)]
 struct Made {
     caption: String,
@@ -297,8 +299,7 @@ fn hindrance(poses: &[Pose]) -> Option<String> {
     long().or_else(|| not_drawn(poses))
 }
 
-/// The true motion of each caption, of the first clip of the test split that has it; none where the data are not
-/// at hand.
+/// The true motion of each caption, from the first clip of the test split with it; none without the data.
 fn truth(folder: &ResultsFolder, captions: &[&str]) -> HashMap<String, Vec<Pose>> {
     let Ok(sweep) = folder.sweep() else { return HashMap::new() };
     let Ok(data) = data::open(&sweep.data, demand(&sweep).as_ref()) else {

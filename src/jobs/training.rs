@@ -1,4 +1,4 @@
-//! Runs, trunks and evaluators, trained by a worker.
+//! Trains runs, trunks and evaluators in a worker.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -23,8 +23,7 @@ use crate::spec::RunSpec;
 use crate::text::TextStore;
 use crate::tokenizer::Tokenizer;
 
-/// Trains a run from where it stands, or has a program of somebody's own do so; its record is
-/// written whole, after everything else.
+/// Trains a run from its last checkpoint, or starts the user's trainer; the record is written last, atomically.
 pub fn train_run(assignment: &Assignment) -> Result<Outcome> {
     let spec: RunSpec = assignment.spec()?;
     if let Some(trainer) = &spec.trainer {
@@ -123,15 +122,15 @@ pub fn train_evaluator(assignment: &Assignment) -> Result<Outcome> {
     assignment.done()
 }
 
-// What runs and trunks have in common: what they read, and from where they go on.
+// Shared by runs and trunks: inputs, and resuming.
 
-/// What a run reads, opened, and where its state lies.
+/// The opened inputs of a run, and the path of its state.
 pub struct Opened<'a> {
     assignment: &'a Assignment<'a>,
     spec: &'a RunSpec,
     tokens: TokenStore,
     text: TextStore,
-    /// The tokenizer, where the generator makes codes scale after scale.
+    /// The tokenizer, if the generator makes codes scale by scale.
     tokenizer: Option<Tokenizer>,
     checkpoint: PathBuf,
     every: Duration,
@@ -140,7 +139,7 @@ pub struct Opened<'a> {
 }
 
 impl<'a> Opened<'a> {
-    /// Opens what a run reads; what is damaged is made again first.
+    /// Opens the inputs of a run; damaged ones are remade first.
     ///
     /// # Errors
     /// It can neither be opened nor made.
@@ -166,7 +165,7 @@ impl<'a> Opened<'a> {
         })
     }
 
-    /// What the run reads.
+    /// The inputs of the run.
     pub fn inputs(&self) -> Inputs<'_> {
         let scales = self.tokenizer.as_ref().map(|tokenizer| tokenizer as &dyn ScaleInputs);
         Inputs { tokens: &self.tokens, text: &self.text, scales }
@@ -179,8 +178,7 @@ impl<'a> Opened<'a> {
         Checkpoints { path: &self.checkpoint, every: self.every, branch }
     }
 
-    /// Trains; where the checkpoint or the trunk turns out to be damaged, again without it.
-    /// `None`: stopped.
+    /// Trains; if the checkpoint or the trunk is damaged, trains again without it. `None` if stopped.
     ///
     /// # Errors
     /// Training failed, or what it read changed meanwhile.

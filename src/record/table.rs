@@ -1,8 +1,7 @@
-//! `runs.parquet` and `runs.csv`: a row a finished run. Beside the table of scores, the one
-//! place that knows polars.
+//! `runs.parquet` and `runs.csv`: one row per finished run. Only this file and the table of scores use
+//! polars.
 //!
-//! The columns are those of [`COLUMNS`], then metrics that nobody declared, by name. A column that is
-//! not there reads as null.
+//! The columns are those of [`COLUMNS`], then undeclared metrics by name. A missing column reads as null.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -67,10 +66,10 @@ pub(super) fn write_frame(
         .map_err(|error| TableError::new(&csv, error))
 }
 
-/// Reads `runs.parquet` of a sweep's folder, or `runs.csv` where that alone was kept.
+/// Reads `runs.parquet` of a sweep's folder, or `runs.csv` if only that was kept.
 ///
 /// # Errors
-/// The file is missing or damaged; a column has another type; a row lacks what it is nothing without.
+/// The file is missing or damaged; a column has another type; a row lacks a required value.
 pub fn read(folder: &Path) -> Result<Vec<RunRecord>, TableError> {
     let [parquet, csv] = ["runs.parquet", "runs.csv"].map(|name| folder.join(name));
     let is_csv = !parquet.exists() && csv.exists();
@@ -86,7 +85,7 @@ pub fn read(folder: &Path) -> Result<Vec<RunRecord>, TableError> {
     frame.and_then(|frame| rows(&frame)).map_err(|error| TableError::new(&path, error))
 }
 
-/// A table of text, with each column turned into what it is declared as; the others into numbers.
+/// Converts a table of text: declared columns to their type, the others to numbers.
 fn csv_frame(file: File) -> PolarsResult<DataFrame> {
     let options = CsvReadOptions::default().with_infer_schema_length(Some(0));
     let text = options.into_reader_with_file_handle(file).finish()?;
@@ -118,7 +117,7 @@ fn frame(records: &[RunRecord]) -> PolarsResult<DataFrame> {
     DataFrame::new(records.len(), columns)
 }
 
-/// The facts of a record in the order of the columns; null for what it lacks.
+/// The facts of a record in the order of the columns; null for missing ones.
 fn cells(record: &RunRecord) -> Vec<Value> {
     let (planned, measured) = (json!(record.planned), json!(record.measured));
     let fact = |column: &FactColumn| planned.get(column.name).or(measured.get(column.name));
@@ -186,7 +185,7 @@ fn read_column<'a>(
     Ok(Some((name, cells)))
 }
 
-/// Takes every loss for a metric, and every column of numbers that nobody declared.
+/// Collects the metrics: every loss, and every undeclared column of numbers.
 fn read_metrics(frame: &DataFrame, to: &mut [RunRecord]) -> PolarsResult<()> {
     for column in frame.columns() {
         let name = column.name().as_str();

@@ -1,7 +1,7 @@
-//! A sweep's results as one page that opens without a network: `report.html`.
+//! A sweep's results as one HTML page that needs no network: `report.html`.
 //!
-//! [`ReportInput`] is all that the page shows; a function a section makes its markup of that. The script
-//! only moves, sorts and filters what is there: every number is written here.
+//! [`ReportInput`] holds the contents; one function per section makes its markup. The script only moves, sorts
+//! and filters: every number is written here.
 //!
 //! # Example
 //!
@@ -82,7 +82,7 @@ pub fn page(input: &ReportInput) -> String {
     page.into_string()
 }
 
-/// What the runs of one generator say.
+/// The results of one generator.
 fn of_study(study: &Study) -> Markup {
     let sections = [
         Some(verdict(study)),
@@ -100,7 +100,7 @@ fn verdict(study: &Study) -> Markup {
     study.section("verdict", "Verdict", &within)
 }
 
-/// The figures of all generators together, then those of each.
+/// The figures of all generators together, then of each.
 fn figures(input: &ReportInput) -> Markup {
     html! {
         @if !input.figures.is_empty() { (section("all-figures", "Figures", &drawn(input.figures))) }
@@ -121,7 +121,7 @@ fn drawn(figures: &[Figure]) -> Markup {
     }
 }
 
-// Motions that were made, as skeletons that play, turn and can be stopped.
+// Generated motions, as skeletons that play, turn and can be stopped.
 
 /// The viewer, and what it cannot show; `None` where there is no motion.
 fn samples(input: &ReportInput) -> Option<Markup> {
@@ -144,9 +144,9 @@ fn viewer(samples: &[Sample]) -> Option<(Markup, Markup)> {
     let data = json!({ "parents": PARENTS, "samples": shown });
     let within = html! {
         p {
-            "Motions that a run made of captions of the test split"
+            "Motions that a run generated from captions of the test split"
             @if samples.iter().any(|sample| sample.truth.is_some()) {
-                ", and beside each the true motion of its caption"
+                ", each next to the true motion of its caption"
             }
             ". Drag to turn them."
         }

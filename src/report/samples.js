@@ -11,12 +11,12 @@
   const length = (mm) => mm.length / (3 * joints);
   const frames = () => Math.max(length(shown.mm), shown.truth ? length(shown.truth) : 0);
   const at = (mm, frame, joint) => mm.slice(3 * (frame * joints + joint), 3 * (frame * joints + joint) + 3);
-  /** Motions, what they are called, and how far to the right each is drawn, in widths of the stage. */
+  /** Motions, their labels, and their offset to the right in widths of the stage. */
   const bodies = () => shown.truth
-    ? [[shown.truth, "true motion", -0.24], [shown.mm, "made", 0.24]]
+    ? [[shown.truth, "true motion", -0.24], [shown.mm, "generated", 0.24]]
     : [[shown.mm, "", 0]];
 
-  /** The middle of the floor that is walked on, and how much has to fit. */
+  /** The middle of the floor, and the extent that has to fit. */
   const frame = () => {
     const sides = [0, 2].map((axis) => {
       const all = bodies().flatMap(([mm]) => mm.filter((_, i) => i % 3 === axis));

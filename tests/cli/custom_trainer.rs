@@ -1,4 +1,4 @@
-//! Runs that a program of somebody's own trains: results, failures, stops, and no process left.
+//! Runs that a user's program trains: results, failures, stops, and no process left.
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};

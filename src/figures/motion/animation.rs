@@ -49,7 +49,7 @@ pub fn svg(poses: &[Pose], fps: f32, text: &str) -> String {
     formats::svg(&scene, &title, &(turn.elements(&view) + &bar))
 }
 
-/// Writes the facts and the legend below the caption; returns where they end.
+/// Writes the facts and the legend below the caption; returns their lower end.
 fn remarks(scene: &mut Scene, top: f64, facts: &str, side: f64) -> f64 {
     let y = top + 1.3 * REMARK_EM;
     let facts = format!("{facts}, squares of {side} m");
@@ -77,11 +77,11 @@ fn view(bounds: Bounds, top: f64) -> (View, f64) {
     (View { scale, origin }, height)
 }
 
-// What moves.
+// The moving parts.
 
 /// More poses than this are thinned; the browser draws straight lines between them.
 const MOST_POSES: usize = 240;
-/// The last pose stands this long before the motion begins again, seconds.
+/// Pause on the last pose before the motion restarts, seconds.
 const PAUSE_S: f64 = 0.5;
 /// Half-widths of the shadow below the root, metres.
 const SHADOW_RADII: [f64; 2] = [0.2, 0.075];

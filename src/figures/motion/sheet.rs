@@ -1,4 +1,4 @@
-//! The contact sheet: a row a motion, its poses at even times from left to right.
+//! The contact sheet: one row per motion, its poses at equal intervals from left to right.
 
 use image::RgbImage;
 
@@ -25,7 +25,7 @@ const GROUND_RADIUS: f64 = 0.55;
 /// White on either side of a line, page pixels: a near limb cuts a far one.
 const HALO: f64 = 1.2;
 
-/// What a row shows: at least one pose.
+/// The content of a row: at least one pose.
 pub struct Row<'a> {
     pub poses: Vec<Pose>,
     pub fps: f32,
@@ -57,7 +57,7 @@ fn shown(n_poses: usize) -> Vec<usize> {
     (0..n).map(|i| ((n_poses - 1) as f64 * i as f64 / last).round() as usize).collect()
 }
 
-/// What is seen of any shown pose with its root in the middle of the ground.
+/// The bounding rectangle of all shown poses with their roots in the middle of the ground.
 fn cell_bounds(row: &Row) -> Bounds {
     let n_shown = if not_drawn(&row.poses).is_some() { 0 } else { row.poses.len() };
     let poses = shown(n_shown).into_iter().map(|frame| &row.poses[frame]);

@@ -1,8 +1,8 @@
-//! Runs that a program of somebody's own trains, `trainer: {command: …}`, and tokenizers that the trainer in PyTorch
-//! trains, `tokenizer: {trainer: torch}`.
+//! Training by other programs: runs by a user's trainer, `trainer: {command: …}`, and tokenizers by PyTorch,
+//! `tokenizer: {trainer: torch}`.
 //!
-//! The worker writes what is to be trained (`trainer.json`), starts the program beside a guard that
-//! outlives the worker, forwards its progress, and checks what it leaves (`result.json`).
+//! The worker writes the specification (`trainer.json`), starts the program with a guard that outlives the worker,
+//! forwards its progress, and checks its result (`result.json`).
 
 mod process;
 mod result;
@@ -37,7 +37,7 @@ use crate::sweep::TrainerCommand;
 use crate::tokenizer::{Corpus, Handover, HandoverFiles, Tokenizer, taken_back};
 use result::refusal;
 
-/// How long the worker of a job takes for an orderly end, once a stop is asked for: longer than a program of its own may.
+/// Time for a worker to end after a stop request: longer than for its program.
 pub fn grace(folder: &ResultsFolder, job: &JobId) -> Duration {
     let of_run = |spec: RunSpec| spec.trainer.is_some();
     let of_tokenizer = |job: TokenizerJob| !job.spec.trainer.is_built_in();
@@ -49,7 +49,7 @@ pub fn grace(folder: &ResultsFolder, job: &JobId) -> Duration {
     if has_program { GRACE + 2 * worker::GRACE } else { worker::GRACE }
 }
 
-/// Has a program train a run, and writes the record from what it leaves.
+/// Trains a run by a program, and writes the record from its result.
 pub fn run_program(
     assignment: &Assignment,
     run: &RunSpec,
@@ -148,8 +148,8 @@ fn prepare(spec: &TrainerSpec, command: &TrainerCommand, place: &Path) -> Result
     }))
 }
 
-/// The interpreter of the trainer in PyTorch: `ISOFLOP_PYTHON`, or else the one beside this program, as in a
-/// virtual environment, or else the first on the path.
+/// The interpreter of the PyTorch trainer: `ISOFLOP_PYTHON`; else the one next to this program, as in a virtual
+/// environment; else the first on the path.
 pub fn python() -> PathBuf {
     let named = std::env::var_os("ISOFLOP_PYTHON").filter(|name| !name.is_empty());
     let beside = || {
@@ -169,7 +169,7 @@ fn of_torch(problem: Failure) -> Failure {
     }
 }
 
-/// Puts the weights of a result into the run's folder; the sentence where they are not the run's.
+/// Moves the weights of a result into the run's folder; an error message if they do not fit the run.
 fn keep_weights(
     result: &TrainerResult,
     place: &Path,
@@ -199,10 +199,10 @@ fn keep_weights(
 /// The module that trains tokenizers.
 const MODULE: &str = "isoflop.torch.tokenizer";
 
-/// What the trainer leaves: losses and times are for people.
+/// The trainer's result; losses and times are informative.
 #[derive(Deserialize)]
 struct TokenizerResult {
-    /// The weights, beside the result or by their whole path.
+    /// The weights, next to the result or by absolute path.
     weights: PathBuf,
 }
 

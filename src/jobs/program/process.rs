@@ -1,9 +1,9 @@
-//! The program itself, started, followed to its end and never left behind; and its guard.
+//! Starts a user's trainer, follows it to its end and never leaves it behind; and its guard.
 //!
-//! The guard is a small process that outlives its worker for as long as the worker's program. A worker can be
-//! killed, and a program may start others in sessions of their own, as torchrun does. The guard leads the program's
-//! process group and knows all that descends from it by a mark in the environment. It holds a lock, so that the next
-//! worker's program starts only when nothing of the last is left.
+//! The guard is a small process that outlives its worker until the worker's program has ended. A worker can be killed,
+//! and a program may start others in separate sessions, as torchrun does. The guard leads the program's process group
+//! and recognises all descendants by a mark in the environment. It holds a lock, so that the next worker's program
+//! starts only after every process of the last one has ended.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -23,7 +23,7 @@ use crate::jobs::worker::{bound_log, killed_by};
 use crate::machine::Kills;
 use crate::progress::{Beat, Said, Stop, stop_on_signals};
 
-/// How often the program and the stop flag are looked at.
+/// Time between polls of the program and the stop flag.
 const POLL: Duration = Duration::from_millis(10);
 /// Between two forwarded beats.
 const BEAT: Duration = Duration::from_millis(100);
@@ -32,7 +32,7 @@ const AT_ONCE: usize = 1 << 16;
 /// Time for the last lines to arrive after the program's end.
 const LAST_OUTPUT: Duration = Duration::from_secs(2);
 
-/// Runs a program to its end; what went wrong, or `None` where it ended well.
+/// Runs a program to its end; returns the failure, or `None` if it succeeded.
 ///
 /// Its output goes to this process's standard error, which is the run's log.
 pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<Option<Failure>> {
@@ -61,8 +61,8 @@ pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<O
     Ok((!status.success()).then(|| Failure::new(kind(status, &kills), sentence())))
 }
 
-/// Whether a program failed by itself or was ended by others; a shell tells of its last command's
-/// end by 128 and the signal.
+/// Whether a program failed by itself or was killed; a shell reports a signal of its last command as 128 plus the
+/// signal.
 fn kind(status: ExitStatus, kills: &Kills) -> FailureKind {
     let signal = status.signal().or_else(|| status.code()?.checked_sub(128));
     killed_by(signal, kills).unwrap_or(FailureKind::Trainer)
@@ -100,7 +100,7 @@ fn follow(
             guard.leash = None;
         }
         if guard.child.try_wait()?.is_some() {
-            // Without a guard nobody would end it if this process died.
+            // Without a guard the program would survive this process.
             child.kill()?;
         }
         sleep(POLL);
@@ -169,7 +169,7 @@ impl Guard {
         Ok(Self { child, leash, mark })
     }
 
-    /// Has it end what the program left running, and waits for that.
+    /// Lets it end the program's leftover processes, and waits for that.
     fn finish(mut self) -> Result<()> {
         if let Some(mut leash) = self.leash.take() {
             let _ = leash.write_all(DONE.as_bytes());
@@ -185,9 +185,9 @@ impl Guard {
 const MARK: &str = "ISOFLOP_RUN";
 /// Held by the guard in the run's folder, with the number of its process group in it.
 const LOCK: &str = ".program.lock";
-/// What the guard prints once it holds the lock.
+/// The guard's message once it holds the lock.
 const READY: &str = "ready";
-/// What the worker writes when the program has ended by itself.
+/// The worker's message when the program has ended by itself.
 const DONE: &str = "done";
 
 /// Time for a program to write a checkpoint and end, once a stop is asked for.
@@ -197,17 +197,17 @@ const GUARD_POLL: Duration = Duration::from_millis(25);
 /// Time for killed processes to be gone.
 const LAST_KILLS: Duration = Duration::from_secs(2);
 
-/// Waits for the end of standard input, then ends what is left of the program.
+/// Waits for the end of standard input, then ends leftover processes of the program.
 ///
-/// After `done` leftovers are killed. Without it the worker was stopped or died: the group is sent
-/// TERM, and what is still there after [`GRACE`] is killed.
+/// After `done`, leftovers are killed. Without it the worker was stopped or died: the group is sent TERM, and killed
+/// after [`GRACE`].
 pub fn guard(lock: &Path, mark: &str) -> Result<()> {
     ensure!(getpgrp() == getpid(), "a guard leads a process group of its own");
     // The TERM to its group reaches the guard too.
     let _ignored = stop_on_signals()?;
     let file = File::create(lock).with_context(|| format!("making {}", lock.display()))?;
     file.lock().context("waiting for the program of an earlier worker")?;
-    // For `wake_guard`; whoever reads it finds it where it can be written.
+    // For `wake_guard`.
     let _ = file.set_len(0).and_then(|()| (&file).write_all(getpid().to_string().as_bytes()));
     let _ = writeln!(io::stdout(), "{READY}");
     let mut said = String::new();
@@ -221,8 +221,7 @@ pub fn guard(lock: &Path, mark: &str) -> Result<()> {
     Ok(())
 }
 
-/// Lets a guard go on, and its program, that somebody has stopped: with its worker gone, it ends
-/// what is left.
+/// Continues a stopped guard and its program: without its worker, the guard then ends leftover processes.
 pub fn wake_guard(place: &Path) {
     let path = place.join(LOCK);
     let is_held = File::open(&path)
@@ -283,7 +282,7 @@ fn members(mark: &str) -> Vec<Pid> {
 #[cfg(target_os = "linux")]
 fn alive_in(pid: Pid) -> Option<Pid> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // The name stands in brackets and may hold anything; then: state, parent, group.
+    // The name is in brackets and may contain anything; then: state, parent, group.
     let mut fields = stat.rsplit_once(") ")?.1.split(' ');
     let dead = matches!(fields.next()?, "Z" | "X");
     let group = fields.nth(1)?.parse().ok()?;

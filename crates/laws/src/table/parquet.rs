@@ -1,4 +1,4 @@
-//! Reads a Parquet file. The one file of this module that knows polars.
+//! Reads a Parquet file. The only file of this module that uses polars.
 
 use polars::prelude::*;
 use std::cell::Cell;
@@ -111,7 +111,7 @@ fn column(column: &polars::prelude::Column) -> PolarsResult<Column> {
     Ok(Column::Number(cells.collect()))
 }
 
-// A panic of the reader without its message: it is caught, and told as an error.
+// Catches a panic of the reader silently, and turns it into an error.
 
 thread_local! {
     /// Whether this thread reads.
@@ -121,10 +121,10 @@ thread_local! {
 /// Threads that read.
 static READERS: AtomicUsize = AtomicUsize::new(0);
 
-/// What `read` gives; `None` where it panics, of which nothing is printed.
+/// The result of `read`; `None` if it panics, without a message.
 ///
-/// The hook is one for the whole process. It keeps quiet about panics of the threads that read, and while one
-/// reads about those that begin in polars, whose own threads help; all others it hands on.
+/// The panic hook is global. It silences panics of reading threads, and, while one reads, panics from polars, which has
+/// its own threads; it passes on all others.
 fn quietly<T>(read: impl FnOnce() -> T + UnwindSafe) -> Option<T> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {

@@ -37,17 +37,17 @@ impl Evaluator {
         Self { networks, seen, fps }
     }
 
-    /// What it was trained by.
+    /// Its specification.
     pub fn spec(&self) -> &EvaluatorSpec {
         &self.seen.spec
     }
 
-    /// What motions are normalised by.
+    /// The normalisation of motions.
     pub fn stats(&self) -> &FeatureStats {
         &self.seen.stats
     }
 
-    /// Frames a second of the motions that it knows.
+    /// Frames per second of its motions.
     pub fn fps(&self) -> f64 {
         self.fps
     }
@@ -110,7 +110,7 @@ impl Evaluator {
         Ok(described::save(folder, SPEC, &saved, &tensors)?)
     }
 
-    /// Reads what [`Evaluator::save`] wrote, for use on `device`.
+    /// Reads files of [`Evaluator::save`], for use on `device`.
     ///
     /// # Errors
     /// A file is missing or damaged.
@@ -131,7 +131,7 @@ impl Evaluator {
     }
 }
 
-/// What is known of an evaluator beside its weights.
+/// The facts of an evaluator, besides weights.
 #[derive(Serialize, Deserialize)]
 struct Saved {
     spec: EvaluatorSpec,
@@ -140,7 +140,7 @@ struct Saved {
 
 const SPEC: &str = "evaluator.json";
 
-// [`AnyNetworks::init`] is the one place that tells kinds apart.
+// Only [`AnyNetworks::init`] matches on the kind.
 
 /// Networks of any kind, as a module.
 #[derive(Module, Debug)]

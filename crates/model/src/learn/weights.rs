@@ -131,7 +131,7 @@ impl ModuleVisitor for Reader {
 
 struct Writer {
     path: Vec<String>,
-    /// Those that have not found their place yet.
+    /// Tensors not yet assigned.
     weights: Weights,
     mismatch: Option<WeightsError>,
 }
@@ -178,7 +178,7 @@ impl ModuleMapper for Writer {
 
 // Safetensors files of weights, with a digest of their numbers.
 
-/// The note that tells whether the numbers are those that were written.
+/// The metadata key of the digest.
 const DIGEST: &str = "digest";
 /// The same of all other notes.
 const NOTES_DIGEST: &str = "notes_digest";
@@ -221,8 +221,8 @@ pub fn save(
     })
 }
 
-/// A tensor of which the file's head tells, and whose numbers are written behind it: in the order of
-/// names, as safetensors has those of one type.
+/// A tensor in the file's head, with its numbers after it: in the order of names, as safetensors stores tensors of one
+/// type.
 struct Length<'a>(&'a Source);
 
 impl View for Length<'_> {
@@ -243,7 +243,7 @@ impl View for Length<'_> {
     }
 }
 
-/// Reads what [`save`] wrote.
+/// Reads a file of [`save`].
 ///
 /// # Errors
 /// [`FileError::Read`] and [`FileError::Damaged`].
@@ -277,12 +277,12 @@ fn host_tensor(name: &str, view: &TensorView) -> Result<HostTensor, String> {
     Ok(HostTensor { shape: view.shape().to_vec(), values: values.collect() })
 }
 
-// Statistics of features, and numbers, beside the weights of a module that normalises by them.
+// Statistics of features, and numbers, stored with the weights of a module that normalises by them.
 
 const MEAN: &str = "stats.mean";
 const STD: &str = "stats.std";
 
-/// Puts statistics beside weights that are to be written.
+/// Adds statistics to weights before writing.
 pub fn insert_stats(tensors: &mut Sources, stats: &FeatureStats) {
     insert(tensors, MEAN, stats.mean.clone());
     insert(tensors, STD, stats.std.clone());
@@ -293,7 +293,7 @@ fn insert(tensors: &mut Sources, name: &str, values: Vec<f32>) {
     tensors.insert(name.to_string(), Source::Host(tensor));
 }
 
-/// Takes them out of weights that were read.
+/// Removes them from weights after reading.
 ///
 /// # Errors
 /// [`WeightsError::Mismatch`] if they are missing, or features cannot be normalised by them.
@@ -343,7 +343,7 @@ pub fn insert_number(tensors: &mut Sources, name: &str, number: f64) {
 }
 
 /// Takes a number out of weights that were read, as short as single precision writes it: 29.97 is not
-/// 29.969999; `None` where it is not there.
+/// 29.969999; `None` if it is not there.
 pub fn take_number(tensors: &mut Weights, name: &str) -> Option<f64> {
     let number = *tensors.remove(name)?.values.first()?;
     number.to_string().parse().ok()

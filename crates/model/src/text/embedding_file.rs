@@ -1,11 +1,11 @@
-//! [`EmbeddingFile`]: vectors that another program made, found by the hash of their caption.
+//! [`EmbeddingFile`]: caption vectors from another program, found by the hash of the caption.
 //!
 //! The file is a safetensors file of three tensors, for n captions with m vectors in all:
 //!
-//! | name | type | shape | what it holds |
+//! | name | type | shape | content |
 //! | --- | --- | --- | --- |
 //! | `keys` | U64 | `[n]` | the key of each caption, in any order, none twice |
-//! | `offsets` | U64 | `[n + 1]` | where each caption's vectors begin, counted in vectors: 0 first, m last, at least one vector a caption |
+//! | `offsets` | U64 | `[n + 1]` | the start of each caption's vectors, counted in vectors: 0 first, m last, at least one per caption |
 //! | `embeddings` | F32 | `[m, dim]` | the vectors, caption after caption |
 //!
 //! A key is the first eight bytes of the BLAKE3 hash of the caption in UTF-8, as a little-endian
@@ -36,7 +36,7 @@ pub struct EmbeddingFile {
     file: ColumnFile,
     dim: usize,
     max_tokens: usize,
-    /// Where each key stands among the keys.
+    /// The index of each key.
     places: HashMap<u64, usize>,
     offsets: Column<u64>,
     embeddings: Column<f32>,
@@ -85,7 +85,7 @@ impl EmbeddingFile {
         blake3::hash(self.file.bytes()).to_hex().to_string()
     }
 
-    /// Where a caption's vectors stand, cut to the limit.
+    /// The range of a caption's vectors, cut to the limit.
     fn rows(&self, caption: &str) -> Result<Range<usize>, TextError> {
         let Some(&place) = self.places.get(&caption_key(caption)) else {
             let captions = vec![caption.to_string()];

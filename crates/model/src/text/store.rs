@@ -1,9 +1,9 @@
-//! [`TextStore`]: the captions of a data set as vectors, in one file that many processes share; and what makes
-//! vectors of captions, a [`TextEncoder`].
+//! [`TextStore`]: the captions of a data set as vectors, in one file shared by many processes; and the trait that
+//! encodes captions, [`TextEncoder`].
 //!
-//! Columns: `embeddings` (f32), `words` (u64, where each distinct caption starts, in words, and the
-//! end), and for each split `<split>.captions` (u32, distinct captions, clip after clip) and
-//! `<split>.offsets` (u64, where each clip's captions start, and the end); `dim` among the notes.
+//! Columns: `embeddings` (f32), `words` (u64, the start of each distinct caption, in words, and the end), and for each
+//! split `<split>.captions` (u32, distinct captions, clip by clip) and `<split>.offsets` (u64, the start of each clip's
+//! captions, and the end); `dim` in the metadata.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -26,18 +26,18 @@ pub trait TextEncoder: Sync {
     /// The encoder has no vectors for this caption.
     fn encode(&self, caption: &str) -> Result<Vec<f32>, TextError>;
 
-    /// How many vectors [`encode`](Self::encode) gives, without making them.
+    /// The number of vectors of [`encode`](Self::encode), without computing them.
     ///
     /// # Errors
     /// As there.
     fn n_tokens(&self, caption: &str) -> Result<usize, TextError>;
 
-    /// The same of several captions, in their order.
+    /// The same for several captions, in order.
     fn encode_all(&self, captions: &[String]) -> Vec<Result<Vec<f32>, TextError>> {
         captions.iter().map(|caption| self.encode(caption)).collect()
     }
 
-    /// Hex digest of what the vectors follow from beside the spec; `None` where nothing is.
+    /// Hex digest of the inputs of the vectors other than the spec; `None` if there are none.
     fn digest(&self) -> Option<String> {
         None
     }
@@ -57,7 +57,7 @@ const NAMED: usize = 3;
 /// Why captions have no vectors.
 #[derive(Debug, thiserror::Error)]
 pub enum TextError {
-    /// The file knows nothing of captions that the data has.
+    /// The file lacks captions of the data.
     #[error("{} has no vectors for {}; make it again from this data", file.display(), named(captions))]
     Missing { captions: Vec<String>, file: PathBuf },
     /// The file's vectors are not as wide as the models expect.
@@ -69,7 +69,7 @@ pub enum TextError {
     /// A model whose weights cannot be used.
     #[error("the text encoder in {} cannot be used: {reason}", folder.display())]
     Model { folder: PathBuf, reason: String },
-    /// What would be made is not what the sweep was planned with.
+    /// The vectors would differ from those that the sweep was planned with.
     #[error(
         "{}, or the data, has changed since the sweep was planned; `isoflop run` plans it again",
         file.display()
@@ -127,10 +127,10 @@ pub fn embed(
     Ok(columns::write(path, &all, notes)?)
 }
 
-/// Captions of a split, clip after clip, and where each clip's begin, with the end.
+/// Captions of a split, clip by clip, and the start of each clip's, with the end.
 type SplitCaptions = (Vec<u32>, Vec<u64>);
 
-/// The distinct captions, in the order in which they first appear, and those of each split.
+/// The distinct captions in order of first occurrence, and the captions of each split.
 fn captions_of(source: &dyn MotionSource) -> (Vec<String>, [SplitCaptions; 3]) {
     let mut ids: HashMap<String, u32> = HashMap::new();
     let splits = Split::ALL.map(|split| {
@@ -150,7 +150,7 @@ fn captions_of(source: &dyn MotionSource) -> (Vec<String>, [SplitCaptions; 3]) {
     (distinct, splits)
 }
 
-/// The vectors of all captions, and where each caption's begin, in words, with the end.
+/// The vectors of all captions, and the start of each caption's, in words, with the end.
 fn vectors_of(
     encoder: &dyn TextEncoder,
     captions: &[String],

@@ -51,17 +51,17 @@ impl Tokenizer {
         Self::new(module, spec.clone(), stats, fps, device.clone())
     }
 
-    /// What it was trained by.
+    /// Its specification.
     pub fn spec(&self) -> &TokenizerSpec {
         &self.spec
     }
 
-    /// Frames a second of the motion that it was trained on.
+    /// Frames per second of the motion that it was trained on.
     pub fn fps(&self) -> f64 {
         self.fps
     }
 
-    /// What its features are normalised by.
+    /// The normalisation of its features.
     pub fn stats(&self) -> &FeatureStats {
         &self.stats
     }
@@ -97,7 +97,7 @@ impl Tokenizer {
         Ok(self.encode_stack(features[..n_latents * latent].to_vec(), 1, captions.as_ref()))
     }
 
-    /// The caption of one clip, where the tokenizer has language.
+    /// The caption of one clip, if the tokenizer has language.
     fn captions(&self, caption: Option<&[f32]>) -> Result<Option<Captions>, TokenizerError> {
         let Some(language) = self.spec.architecture.language() else { return Ok(None) };
         let (caption, wanted) = (caption.ok_or(TokenizerError::NoText)?, language.dim);
@@ -110,9 +110,8 @@ impl Tokenizer {
     /// Raw features of the codes of one clip of `n_frames` frames, row-major `[n_frames, n_features]`,
     /// without the frames after the last whole latent.
     ///
-    /// A tokenizer with language sees the clip's caption, as [`Tokenizer::encode`] does, and follows it
-    /// the more the larger `guidance` is: (1 + g) m_c − g m_u, with what it makes without the caption.
-    /// LG-Tok has 2 for HumanML3D and 1 for Motion-X; 0 reconstructs.
+    /// A tokenizer with language reads the clip's caption, like [`Tokenizer::encode`]; `guidance` g gives (1 + g) m_c −
+    /// g m_u, with m_u decoded without the caption. LG-Tok uses 2 for HumanML3D and 1 for Motion-X; 0 reconstructs.
     ///
     /// # Errors
     /// If a clip of so many frames has another number of codes, or an id is not below its scale's
@@ -185,7 +184,7 @@ impl Tokenizer {
         Ok(described::save(folder, SPEC, &self.spec, &tensors)?)
     }
 
-    /// Reads what [`Tokenizer::save`] wrote, for use on `device`.
+    /// Reads files of [`Tokenizer::save`], for use on `device`.
     pub fn load(folder: &Path, device: &Device) -> Result<Self, TokenizerError> {
         let (spec, mut tensors): (TokenizerSpec, _) = described::load(folder, SPEC)?;
         spec.check()?;

@@ -58,8 +58,8 @@ pub fn parse_npy(bytes: &[u8]) -> Result<NpyArray, NpyProblem> {
         "'<f8'" => numbers(data, header.shape(), |eight| f64::from_le_bytes(eight) as f32)?,
         other => return Err(NpyProblem::Kind(other.to_owned())),
     };
-    // Lengths agree, so that no axis of a non-empty array is too large; an empty one is refused
-    // by whoever asks for a shape.
+    // Lengths agree, so no axis of a non-empty array is too large; an empty array is refused by the check of its
+    // shape.
     let shape: Vec<usize> =
         header.shape().iter().map(|&n| usize::try_from(n).unwrap_or(usize::MAX)).collect();
     match values.iter().position(|value| !value.is_finite()) {

@@ -51,7 +51,7 @@ impl<'a> NewColumn<'a> {
 /// The column that holds the digest of all others.
 const DIGEST: &str = "digest";
 
-/// Of the names and bytes of columns, in the order of their names.
+/// The digest of the names and bytes of columns, in the order of names.
 fn digest<'a>(columns: impl Iterator<Item = (&'a str, &'a [u8])>) -> [u8; 32] {
     let mut columns: Vec<(&str, &[u8])> = columns.filter(|(name, _)| *name != DIGEST).collect();
     columns.sort_unstable_by_key(|(name, _)| *name);
@@ -108,7 +108,7 @@ pub struct ColumnFile {
     path: PathBuf,
     bytes: Arc<Bytes>,
     metadata: Metadata,
-    /// Where the columns' bytes begin.
+    /// The offset of the columns' bytes.
     start: usize,
 }
 
@@ -143,7 +143,7 @@ impl ColumnFile {
         Ok(Self { path: path.to_path_buf(), bytes: Arc::new(bytes), metadata, start })
     }
 
-    /// The same file, where its columns are those that were written; a file without a digest is another's.
+    /// Checks that the columns match the digest; a file without a digest is not ours.
     ///
     /// # Errors
     /// [`FileError::Damaged`].
@@ -190,7 +190,7 @@ impl ColumnFile {
     /// A text entry as a number.
     ///
     /// # Errors
-    /// [`FileError::Damaged`] where it is missing or no number.
+    /// [`FileError::Damaged`] if it is missing or no number.
     pub fn number(&self, name: &str) -> Result<usize, FileError> {
         let number = self.note(name).and_then(|text| text.parse().ok());
         number.ok_or_else(|| self.damaged(format!("its note `{name}` is missing")))
@@ -204,7 +204,7 @@ impl ColumnFile {
     /// A column of the file.
     ///
     /// # Errors
-    /// [`FileError::Damaged`] where it is missing or of another type.
+    /// [`FileError::Damaged`] if it is missing or of another type.
     pub fn column<T: Number>(&self, name: &str) -> Result<Column<T>, FileError> {
         let info = self.metadata.info(name).filter(|info| info.dtype == T::DTYPE);
         let info = info.ok_or_else(|| self.lacks(name))?;
@@ -215,7 +215,7 @@ impl ColumnFile {
     /// The shape of a column: one number for a list, two for a matrix.
     ///
     /// # Errors
-    /// [`FileError::Damaged`] where it is missing.
+    /// [`FileError::Damaged`] if it is missing.
     pub fn shape(&self, name: &str) -> Result<&[usize], FileError> {
         self.metadata.info(name).map(|info| &info.shape[..]).ok_or_else(|| self.lacks(name))
     }
@@ -224,7 +224,7 @@ impl ColumnFile {
         self.damaged(format!("its column `{name}` is missing"))
     }
 
-    /// The error that the file is not what was written.
+    /// The error of a damaged file.
     pub fn damaged(&self, reason: impl ToString) -> FileError {
         FileError::damaged(&self.path, reason)
     }

@@ -8,7 +8,7 @@
 //! let folder = tempfile::tempdir()?;
 //! let path = folder.path().join("budget.json");
 //! assert_eq!(read_if_there::<f64>(&path)?, None);
-//! atomic::write_json(&path, &1e18)?; // whole, by rename
+//! atomic::write_json(&path, &1e18)?; // renamed into place
 //! assert_eq!(read_if_there(&path)?, Some(1e18));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -26,9 +26,9 @@ use serde::de::DeserializeOwned;
 
 use crate::failure::FailureKind;
 
-// [`FileError`]: what hinders the use of a file.
+// [`FileError`]: why a file cannot be used.
 
-/// What hinders the use of a file.
+/// Why a file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The system refuses to write it.
@@ -37,7 +37,7 @@ pub enum FileError {
     /// The system refuses to read it: this says nothing about the file, unless it is gone.
     #[error("cannot read {}: {source}", path.display())]
     Read { path: PathBuf, source: io::Error },
-    /// It was read, and is not what was written there.
+    /// It can be read, but is damaged.
     #[error("{} is damaged ({reason}); {advice}", path.display())]
     Damaged { path: PathBuf, reason: String, advice: &'static str },
     /// It was what was written there, and another program changed it since.
@@ -56,13 +56,13 @@ impl FileError {
         move |source| Self::Read { path: path.to_path_buf(), source }
     }
 
-    /// A file that is not what was written there.
+    /// The error of a damaged file.
     pub fn damaged(path: &Path, reason: impl ToString) -> Self {
         let advice = mended_by(path);
         Self::Damaged { path: path.to_path_buf(), reason: reason.to_string(), advice }
     }
 
-    /// The same for a damaged file that is mended in another way.
+    /// The same for a damaged file with another remedy.
     pub fn with_advice(self, advice: &'static str) -> Self {
         match self {
             Self::Damaged { path, reason, .. } => Self::Damaged { path, reason, advice },
@@ -80,12 +80,12 @@ impl FileError {
         }
     }
 
-    /// Whether the reason lies in the file: it is there and wrong, or gone. What the system refuses
-    /// (memory, rights, a disk that fails) says nothing about it.
+    /// Whether the cause is the file itself: damaged or gone. Refusals of the system (memory, rights, a failing disk) are
+    /// not.
     pub fn is_damage(&self) -> bool {
         match self {
             Self::Damaged { .. } => true,
-            // Where the system gave no number, what was read could not be mapped.
+            // Without an error number of the system, mapping failed.
             Self::Read { source, .. } => {
                 source.kind() == io::ErrorKind::NotFound || source.raw_os_error().is_none()
             }
@@ -109,7 +109,7 @@ impl FileError {
         }
     }
 
-    /// The file error among an error and what caused it.
+    /// The file error in an error's chain of causes.
     pub fn among<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a Self> {
         chain(error).find_map(|cause| {
             let inner = || cause.downcast_ref::<io::Error>()?.get_ref()?.downcast_ref::<Self>();
@@ -129,7 +129,7 @@ impl From<FileError> for io::Error {
 }
 
 /// The kind of failure that an error of files or of the system means, through whatever wraps it;
-/// `None` where no such error is among its causes.
+/// `None` if no such error is among its causes.
 pub fn failure_kind(error: &(dyn Error + 'static)) -> Option<FailureKind> {
     let of_file = FileError::among(error).map(FileError::failure_kind);
     of_file.or_else(|| {
@@ -176,7 +176,7 @@ pub fn read_regular(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     if bytes.len() as u64 > most { Err(too_large()) } else { Ok(bytes) }
 }
 
-/// The text of a regular file that ought to be small.
+/// Reads the text of a regular, small file.
 ///
 /// # Errors
 /// Those of [`read_regular`]; it is not UTF-8.
@@ -223,8 +223,8 @@ fn mended_by(path: &Path) -> &'static str {
     }
 }
 
-/// Moves a file to `damaged-NAME` beside it, in place of an older one; where it now lies, or `None`
-/// where it is gone already.
+/// Moves a file to `damaged-NAME` in the same folder, replacing an older one. Returns the new path, or `None` if the
+/// file is gone already.
 ///
 /// # Errors
 /// The folder cannot be written to.

@@ -12,7 +12,7 @@ use crate::units::{or_default, section};
 
 plain!(EvaluatorKind, Mismatches);
 
-/// Which networks, as it is written in a sweep file.
+/// The kind of networks, as in a sweep file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum EvaluatorKind {
@@ -26,17 +26,16 @@ pub enum EvaluatorKind {
     Matching,
 }
 
-/// The keys that mean the same for every kind, each with its default: those of the section, and of what
-/// follows from it.
+/// The keys shared by all kinds, with their defaults, for the section and for the resolved form.
 macro_rules! shared {
     ($($(#[$about:meta])* $key:ident: $type:ty = $default:expr;)*) => {
         section! {
-            /// The `evaluator` section: networks of motions and of captions, whose vectors are near each
-            /// other where they belong together.
+            /// The `evaluator` section: networks of motions and of captions, whose vectors are close for matching
+            /// pairs.
             ///
             /// The defaults train in a minute or two on a core.
             pub struct EvaluatorSection {
-                /// Which networks they are.
+                /// The kind of networks.
                 kind: EvaluatorKind = EvaluatorKind::default();
                 /// Channels of a row in both towers (128); for `kind: matching`, of the convolutions and of
                 /// the GRUs over captions (64), which is half of those over motions.
@@ -62,7 +61,7 @@ macro_rules! shared {
             }
         }
 
-        /// An evaluator, resolved: what is hashed.
+        /// An evaluator, resolved for hashing.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(deny_unknown_fields)]
         pub struct EvaluatorSpec {
@@ -100,7 +99,7 @@ shared! {
     max_words: usize = 32;
     /// Share of the words of a caption that are left out in training.
     word_drop: f64 = 0.3;
-    /// Clips of a step: each is told from others.
+    /// Clips per step, contrasted with each other.
     batch: usize = 64;
     /// Steps of training.
     steps: usize = 800;
@@ -108,11 +107,11 @@ shared! {
     warmup_steps: usize = 100;
     /// Decoupled, of AdamW.
     weight_decay: f64 = 0.1;
-    /// How often it is measured on the validation split; the best of these is kept.
+    /// Number of evaluations on the validation split; the best weights are kept.
     evaluations: usize = 16;
-    /// Training clips that are held in memory, at most.
+    /// Most training clips in memory.
     pool_clips: usize = 8192;
-    /// Of weights, batches and windows.
+    /// Seed of weights, batches and windows.
     seed: u64 = 0;
 }
 
@@ -130,7 +129,7 @@ impl EvaluatorSection {
         }
     }
 
-    /// What no evaluator can use.
+    /// Problems that make every evaluator fail.
     pub fn problems(&self) -> Vec<KeyProblem> {
         let clip = self.kind == EvaluatorKind::MotionClip;
         let mut found = failed(belonging! {
@@ -187,7 +186,7 @@ impl EvaluatorSpec {
 
 // [`NetworksSpec`]: which networks embed motions and captions.
 
-/// The networks of an evaluator, resolved: what is hashed.
+/// The networks of an evaluator, resolved for hashing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum NetworksSpec {
@@ -222,7 +221,7 @@ pub struct MatchingSpec {
     pub dropout: f64,
 }
 
-/// Which pairs of a batch are pushed apart.
+/// The pairs of a batch that are pushed apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Mismatches {
@@ -257,7 +256,7 @@ impl NetworksSpec {
         }
     }
 
-    /// What no training can use.
+    /// Problems that make training fail.
     fn problems(&self) -> Vec<KeyProblem> {
         match self {
             &Self::MotionClip(MotionClipSpec { width, heads, layers, frames }) => {
@@ -307,8 +306,8 @@ impl NetworksSpec {
 /// a step and widths 64 and 128.
 const ROWS_KEPT: f64 = 13.0;
 
-/// Rows of the states of both directions that a step of a GRU keeps for the way back, what fills up
-/// shorter motions among them: measured at 64 to 512 clips a step.
+/// State rows of both directions that a step of a GRU keeps for the backward pass, padding included: measured at 64
+/// to 512 clips per step.
 const GATES_KEPT: f64 = 33.0;
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! Descriptions of what is trained: plain data, closed, hashable, free of burn.
+//! Specifications of training: plain data, closed, hashable, without burn.
 //!
 //! A kind is a variant of a tagged enum: [`GeneratorSpec`], [`ArchitectureSpec`], [`QuantizerSpec`],
-//! [`TextSpec`]. What depends on the kind is asked of the spec; no other module matches on it but
-//! the one that builds it.
+//! [`TextSpec`]. The spec has methods for everything that depends on the kind; only the module that builds a kind
+//! matches on it.
 //!
 //! # Example
 //!

@@ -64,10 +64,10 @@ pub fn rounded(value: f64) -> f64 {
 
 // Reading.
 
-/// Where and why a text is no BVH file; reads on after the file's name and a colon.
+/// Place and reason of an invalid BVH text; phrased to follow the file's name and a colon.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum BvhError {
-    /// Another word stands where the format has its own.
+    /// An unexpected word.
     #[error("line {line}: {expected} is expected, here is {found:?}")]
     Word { line: usize, expected: String, found: String },
     /// The text ends too early.
@@ -100,7 +100,7 @@ impl BvhError {
 }
 
 impl Bvh {
-    /// The file that `text` is.
+    /// Parses `text`.
     ///
     /// Any hierarchy is read: several roots, joints with any channels in any order or with none,
     /// several End Sites, names of several words, keywords in any case. A frame is a line.
@@ -155,7 +155,7 @@ impl Word<'_> {
     }
 }
 
-/// What a brace was opened for.
+/// The purpose of an open brace.
 #[derive(Clone, Copy)]
 enum Open {
     Joint(usize),
@@ -238,7 +238,7 @@ impl<'a> Reader<'a> {
         self.parsed(keyword, |text| text.eq_ignore_ascii_case(keyword).then_some(()))
     }
 
-    /// What the next word says.
+    /// The meaning of the next word.
     fn parsed<T>(
         &mut self,
         expected: &str,
@@ -248,7 +248,7 @@ impl<'a> Reader<'a> {
         parse(word.text).ok_or_else(|| word.instead_of(expected))
     }
 
-    /// The next word; `expected` says what is looked for.
+    /// The next word; `expected` is named in the error.
     fn take(&mut self, expected: &str) -> Result<Word<'a>, BvhError> {
         self.words.next().ok_or_else(|| BvhError::end(self.n_lines, expected))
     }

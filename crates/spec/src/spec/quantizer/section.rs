@@ -29,7 +29,7 @@ pub enum QuantizerKind {
     Fsq,
     /// Vector quantization with moving averages and resets, T2M-GPT's.
     Vq,
-    /// Several codes for a latent, each of what those before it leave over, MoMask's.
+    /// Residual quantization (MoMask): several codes per latent, each for the residual of the previous ones.
     Residual,
     /// So many codes for a clip of any length, scale after scale, LG-Tok's.
     Multiscale,
@@ -40,8 +40,8 @@ pub enum QuantizerKind {
 #[serde(deny_unknown_fields)]
 pub struct QuantizerSection {
     pub kind: QuantizerKind,
-    /// Residual and multi-scale: what each codebook is, `vq` by default. `grid.vocab` is the size of a
-    /// codebook; those of a multi-scale quantizer have half of it to three halves of it, in equal steps.
+    /// Residual and multi-scale: the kind of each codebook, `vq` by default. `grid.vocab` is the size of a
+    /// codebook; those of a multi-scale quantizer rise in equal steps from half of it to three halves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inner: Option<CodebookKind>,
     /// Residual: codebooks, 6.
@@ -63,8 +63,8 @@ pub struct QuantizerSection {
     #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub beta: Option<f64>,
-    /// Multi-scale: share of a convolution in what a scale adds (VAR). 0 stands for LG-Tok's two
-    /// convolutions with ReLU, after which a scale adds nothing below 0: 0, for patches 0.5.
+    /// Multi-scale: weight of a convolution in the contribution of a scale (VAR). 0 means LG-Tok's two
+    /// convolutions with ReLU, which are never negative: 0, for patches 0.5.
     #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mix: Option<f64>,
@@ -78,7 +78,7 @@ impl QuantizerKind {
 }
 
 impl QuantizerSection {
-    /// What each codebook is.
+    /// The kind of each codebook.
     pub fn codebook_kind(&self) -> CodebookKind {
         match self.kind {
             QuantizerKind::Fsq => CodebookKind::Fsq,
@@ -87,7 +87,7 @@ impl QuantizerSection {
         }
     }
 
-    /// How many codebooks there are.
+    /// The number of codebooks.
     pub fn n_codebooks(&self) -> usize {
         match self.kind {
             QuantizerKind::Fsq | QuantizerKind::Vq => 1,
@@ -96,7 +96,7 @@ impl QuantizerSection {
         }
     }
 
-    /// Codes of a clip on each scale of a fixed length; none where lengths follow the clip.
+    /// Codes of a clip on each scale of a fixed length; none if lengths follow the clip.
     pub fn scale_lengths(&self) -> Vec<usize> {
         match self.kind {
             QuantizerKind::Multiscale => self.scales.clone().unwrap_or_default().lengths(),

@@ -1,4 +1,4 @@
-//! [`TokenizerSpec`]: everything that a tokenizer follows from, beside its data.
+//! [`TokenizerSpec`]: the full specification of a tokenizer, without its data.
 
 mod architecture;
 mod training;
@@ -22,7 +22,7 @@ use super::{
 };
 use crate::units::or_default;
 
-/// A tokenizer, resolved: what is hashed.
+/// A tokenizer, resolved for hashing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TokenizerSpec {
@@ -32,7 +32,7 @@ pub struct TokenizerSpec {
     #[serde(skip_serializing_if = "crate::units::is_default")]
     pub representation: Representation,
     pub training: TokenizerTraining,
-    /// None where all steps are taken and the last weights kept.
+    /// `None` if all steps are taken and the last weights kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plateau: Option<Plateau>,
     /// Left out of ids and files for the built-in trainer.
@@ -49,7 +49,7 @@ impl TokenizerSpec {
         self.quantizer.n_vocab()
     }
 
-    /// Patches of training clips that it begins from, where the pool has as many; none where it begins
+    /// Patches of training clips that it begins from, where the pool has as many; none if it begins
     /// from no data.
     pub fn begun_from(&self) -> Option<BegunFrom> {
         let ArchitectureSpec::Patch(patch) = &self.architecture else { return None };
@@ -196,7 +196,7 @@ fn of_patches(section: QuantizerSection) -> QuantizerSection {
     QuantizerSection { mix, ..section }
 }
 
-/// A size that every kind of codebook has: what a section is checked with.
+/// A size valid for every kind of codebook, to check a section.
 const ANY_SIZE: usize = 64;
 
 impl TokenizerSection {
