@@ -245,7 +245,7 @@ mod tests {
         let said = |measured| Validated::new(BEYOND, PREDICTED, measured).sentence().unwrap();
         assert_eq!(
             said(MEASURED),
-            "A forecast for 3e12 FLOPs MISSED: L_u -5.180 (95 %: -5.280 to -5.080), and the best of 5 runs has -5.035."
+            "A forecast for 3e12 FLOPs MISSED: L_u -5.180 (95 %: -5.280 to -5.080), and the best of 5 runs measured -5.035."
         );
         assert!(
             said(Measured { loss: -5.1, ..MEASURED })
