@@ -259,11 +259,11 @@ fn read(bytes: &[u8]) -> Result<(Weights, BTreeMap<String, String>), String> {
     let file = SafeTensors::deserialize(bytes).map_err(|error| error.to_string())?;
     let tensors = file.iter().map(|(name, view)| Ok((name.to_string(), host_tensor(name, &view)?)));
     let weights = tensors.collect::<Result<Weights, String>>()?;
-    // Files of other programs have no notes.
-    let written = header.metadata().as_ref().and_then(|entries| entries.get(NOTES));
-    let mut notes = match written.map(|text| verified(text)) {
-        Some(None) => return Err("its notes are not those that were written".to_string()),
-        notes => notes.flatten().unwrap_or_default(),
+    let entries = header.metadata().clone().unwrap_or_default();
+    // Files of other programs have notes of their own.
+    let mut notes = match entries.get(NOTES) {
+        Some(text) => verified(text).ok_or("its notes are not those that were written")?,
+        None => entries.into_iter().collect(),
     };
     let numbers = weights.iter().map(|(name, tensor)| (name, Cow::Borrowed(&tensor.values[..])));
     if notes.remove(DIGEST).is_some_and(|written| written != digest(numbers)) {
@@ -362,7 +362,7 @@ mod tests {
         let notes = BTreeMap::from([("step".into(), "12".into())]);
         save(&path, &Sources::from([("gain".into(), Source::Host(tensor))]), notes).unwrap();
         let bytes = std::fs::read(&path).unwrap();
-        let note = bytes.windows(4).position(|four| four == b"\"12\"").unwrap() + 1;
+        let note = bytes.windows(3).position(|three| three == br"12\").unwrap();
         for (place, what) in [(bytes.len() - 1, "numbers"), (note, "notes")] {
             let mut flipped = bytes.clone();
             flipped[place] ^= 1;

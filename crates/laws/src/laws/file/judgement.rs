@@ -252,7 +252,7 @@ mod tests {
                 .starts_with("A forecast for 3e12 FLOPs held:")
         );
         let larger = said(Measured { params_nonvocab: 5e4, params_vocab: 3e5, ..MEASURED });
-        assert!(larger.ends_with("has -5.035; its N_nv and N_v lie outside."), "{larger}");
+        assert!(larger.ends_with("measured -5.035; its N_nv and N_v lie outside."), "{larger}");
     }
 
     #[test]
