@@ -76,7 +76,7 @@ trian: {}
         "sweep.yaml:6:19",
         "stands in the list a second time",
         "sweep.yaml:7:18",
-        "a budget of -1e0 FLOPs",
+        "-1 is out of range: 1 to 1e30",
         "sweep.yaml: 6 problems",
     ] {
         assert!(ended.stderr().contains(words), "no `{words}` in:\n{}", ended.stderr());

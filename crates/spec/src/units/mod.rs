@@ -149,8 +149,9 @@ impl<'de, T: Ways> Visitor<'de> for Either<T> {
 pub trait ShortForm: DeserializeOwned + JsonSchema {
     /// What the number is, as a sentence of the reference page.
     const NUMBER: &'static str;
-    /// Its type in a JSON schema.
+    /// Its type in a JSON schema, and its range.
     const TYPE: &'static str;
+    const RANGE: [f64; 2];
 
     /// The section that the number stands for.
     ///
@@ -162,7 +163,11 @@ pub trait ShortForm: DeserializeOwned + JsonSchema {
 /// Both ways of writing it.
 pub fn short_form_schema<T: ShortForm>(generator: &mut SchemaGenerator) -> Schema {
     let section = generator.subschema_for::<T>();
-    json_schema!({"anyOf": [{"type": T::TYPE, "description": T::NUMBER}, section]})
+    let [low, high] = T::RANGE;
+    let number = json_schema!({
+        "type": T::TYPE, "minimum": low, "maximum": high, "description": T::NUMBER,
+    });
+    json_schema!({"anyOf": [number, section]})
 }
 
 impl<T: ShortForm> Ways for T {

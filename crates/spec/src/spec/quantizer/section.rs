@@ -47,10 +47,12 @@ pub struct QuantizerSection {
     /// Residual: codebooks, 6.
     #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 64))]
     pub layers: Option<usize>,
     /// Residual: how often a training step uses only the first layers, a random number of them: 0.2.
     #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0, max = 1))]
     pub dropout: Option<f64>,
     /// Multi-scale: codes of each scale, as a list or by name: `full`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -62,11 +64,13 @@ pub struct QuantizerSection {
     /// codes to latents: 1.
     #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0, max = 1e6))]
     pub beta: Option<f64>,
     /// Multi-scale: share of a convolution in what a scale adds (VAR). 0 stands for LG-Tok's two
     /// convolutions with ReLU, after which a scale adds nothing below 0: 0, for patches 0.5.
     #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0, max = 1))]
     pub mix: Option<f64>,
 }
 

@@ -76,7 +76,10 @@ pub enum TokenizerSchedule {
 /// The training of a tokenizer and the section of a sweep file, from one list of keys, each with its
 /// default for the convolutional autoencoder and for patches.
 macro_rules! keys {
-    ($($(#[$about:meta])* $key:ident: $type:ty = $default:expr, $patch:expr;)*) => {
+    ($(
+        $(#[$about:meta])* $key:ident: $type:ty = $default:expr, $patch:expr
+            $(, $low:literal to $high:literal)?;
+    )*) => {
         /// How a tokenizer is trained.
         ///
         /// The defaults of the convolutional autoencoder suit small widths on a CPU: T2M-GPT's recipe
@@ -113,29 +116,29 @@ macro_rules! keys {
                 /// The features of a frame that are read and made.
                 representation: Representation = Representation::default(), unless "crate::units::is_default";
                 /// Channels of the layers: 64, for patches 128; ScaMo has 512, LG-Tok 256.
-                width: Option<usize> = None, unless "Option::is_none";
+                width: Option<usize> = None, 2 to 8192, unless "Option::is_none";
                 /// Convolutional: residual blocks at each resolution, 3.
-                depth: Option<usize> = None, unless "Option::is_none";
+                depth: Option<usize> = None, 1 to 64, unless "Option::is_none";
                 /// Convolutional: halvings of the frame rate, 2; they make 4 frames a code.
-                down: Option<usize> = None, unless "Option::is_none";
+                down: Option<usize> = None, 1 to 6, unless "Option::is_none";
                 /// Patches and transformers: frames a code, 4.
-                frames: Option<usize> = None, unless "Option::is_none";
+                frames: Option<usize> = None, 1 to 64, unless "Option::is_none";
                 /// Patches and transformers: channels of a latent, 32; 512 in LG-Tok.
-                latent: Option<usize> = None, unless "Option::is_none";
+                latent: Option<usize> = None, 1 to 8192, unless "Option::is_none";
                 /// Patches: residual blocks of the encoder, 3; without any, a code is made of its own
                 /// frames alone.
-                encoder_blocks: Option<usize> = None, unless "Option::is_none";
+                encoder_blocks: Option<usize> = None, 0 to 64, unless "Option::is_none";
                 /// Patches: residual blocks of the decoder, 4.
-                decoder_blocks: Option<usize> = None, unless "Option::is_none";
+                decoder_blocks: Option<usize> = None, 0 to 64, unless "Option::is_none";
                 /// VQ of patches: patches that k-means begins a code from, on average: 48, and where codes
                 /// are learned 32,768 in all at least.
-                patches_per_code: Option<usize> = None, unless "Option::is_none";
+                patches_per_code: Option<usize> = None, 1 to 1_000_000, unless "Option::is_none";
                 /// VQ of patches: whether codes move after k-means, `learned`.
                 codes: Option<Codes> = None, unless "Option::is_none";
                 /// Transformers: layers of each half, an odd number: 3; 9 in LG-Tok.
-                layers: Option<usize> = None, unless "Option::is_none";
+                layers: Option<usize> = None, 1 to 127, unless "Option::is_none";
                 /// Transformers: heads of attention, 4.
-                heads: Option<usize> = None, unless "Option::is_none";
+                heads: Option<usize> = None, 1 to 128, unless "Option::is_none";
                 /// Transformers: where RMSNorm stands, `post`.
                 norm: Option<NormPlacement> = None, unless "Option::is_none";
                 /// Transformers: how a row knows its place, `learned`.
@@ -144,15 +147,19 @@ macro_rules! keys {
                 detokenizer: Option<Detokenizer> = None, unless "Option::is_none";
                 /// Transformers: share of what each part of a layer adds that training drops: 0; 0.1 in
                 /// LG-Tok.
-                dropout: Option<f64> = None, unless "Option::is_none";
+                dropout: Option<f64> = None, 0 to 0.999, unless "Option::is_none";
                 /// Transformers: which halves see the clip's caption; none where it is left out.
                 language: Option<LanguageSection> = None, unless "Option::is_none";
                 /// Ends training at the plateau of the validation split; left out, all steps are taken and the
                 /// last weights kept.
                 plateau: Option<Plateau> = None, unless "Option::is_none";
                 /// Seeds of several tokenizers a vocabulary: every cell is trained with each of them.
+                #[schemars(inner(range(min = 0, max = 18_446_744_073_709_551_615u64)))]
                 seeds: Vec<u64> = Vec::new(), unless "Vec::is_empty";
-                $($(#[$about])* $key: Option<$type> = None, unless "Option::is_none";)*
+                $(
+                    $(#[$about])* $key: Option<$type> = None
+                        $(, $low to $high)?, unless "Option::is_none";
+                )*
             }
         }
 
@@ -168,54 +175,54 @@ macro_rules! keys {
 keys! {
     /// Frames of a training window, whole latents: 64, for patches 96; more where a scale has more codes
     /// than that has latents.
-    window: usize = 64, 96;
+    window: usize = 64, 96, 1 to 16_384;
     /// Windows a step: 32, for patches 24.
-    batch: usize = 32, 24;
+    batch: usize = 32, 24, 1 to 65_536;
     /// Training steps: 600, for patches 4000.
-    steps: usize = 600, 4000;
+    steps: usize = 600, 4000, 1 to 100_000_000;
     /// Learning rate after the warm-up: 1e-3.
-    lr: f64 = 1e-3, 1e-3;
+    lr: f64 = 1e-3, 1e-3, 1e-12 to 1e3;
     /// Steps over which the rate rises linearly: 50, for patches 100.
-    warmup_steps: usize = 50, 100;
+    warmup_steps: usize = 50, 100, 0 to 100_000_000;
     /// How the rate falls: `step`, for patches `cosine`.
     schedule: TokenizerSchedule = TokenizerSchedule::Step, TokenizerSchedule::Cosine;
     /// Share of the steps after which a rate falls at once: 0.8; 0.6 in ScaMo.
-    decay_at: f64 = 0.8, 0.8;
+    decay_at: f64 = 0.8, 0.8, 0 to 1;
     /// What the rate is multiplied by in the end: 0.05, for patches 0.02.
-    decay_factor: f64 = 0.05, 0.02;
+    decay_factor: f64 = 0.05, 0.02, 0 to 1;
     /// What training makes small: `features`, for patches `joints`.
     loss: TokenizerLoss = TokenizerLoss::Features, TokenizerLoss::Joints;
     /// Weight of the joints' positions in the loss of features: 0.5.
-    position_weight: f64 = 0.5, 0.5;
+    position_weight: f64 = 0.5, 0.5, 0 to 1e6;
     /// Weight of the features in the loss of joints: 0.25.
-    feature_weight: f64 = 0.25, 0.25;
+    feature_weight: f64 = 0.25, 0.25, 0 to 1e6;
     /// Weight of the joints' velocities in the loss of joints: 0.05.
-    velocity_weight: f64 = 0.05, 0.05;
+    velocity_weight: f64 = 0.05, 0.05, 0 to 1e6;
     /// VQ and scales: weight of the squared distance from latents to their codes: 0.02, for patches 1.
-    commitment: f64 = 0.02, 1.0;
+    commitment: f64 = 0.02, 1.0, 0 to 1e6;
     /// VQ: a code that is met less often than this share of the mean is placed anew: 0.025 for patches.
     /// 0 stands for T2M-GPT's rule, less than one latent a step.
-    reset_share: f64 = 0.0, 0.025;
+    reset_share: f64 = 0.0, 0.025, 0 to 0.999;
     /// Decay of the moving average of the weights that is kept in the end: none, for patches 0.998.
-    average: f64 = 0.0, 0.998;
+    average: f64 = 0.0, 0.998, 0 to 0.9999999;
     /// Mirrored clips are trained on too: `false`, for patches `true`.
     mirror: bool = false, true;
     /// With the loss of joints: how often a window gets the upper body of another clip: 0.7.
-    mix_body: f64 = 0.0, 0.7;
+    mix_body: f64 = 0.0, 0.7, 0 to 1;
     /// With the loss of joints: how often a window gets an arm of another clip, for each arm: 0.3.
-    mix_arm: f64 = 0.0, 0.3;
+    mix_arm: f64 = 0.0, 0.3, 0 to 1;
     /// AdamW's β₁: 0.9.
-    beta_1: f64 = 0.9, 0.9;
+    beta_1: f64 = 0.9, 0.9, 0 to 0.9999999;
     /// AdamW's β₂: 0.99.
-    beta_2: f64 = 0.99, 0.99;
+    beta_2: f64 = 0.99, 0.99, 0 to 0.9999999;
     /// AdamW's decoupled weight decay: 0, for patches 0.01.
-    weight_decay: f64 = 0.0, 0.01;
+    weight_decay: f64 = 0.0, 0.01, 0 to 1e3;
     /// Norm that gradients are scaled down to: none, for patches 1; 0 for none.
-    clip_norm: f64 = 0.0, 1.0;
+    clip_norm: f64 = 0.0, 1.0, 0 to 1e6;
     /// Clips of the training split that are held in memory and trained on: 2048.
-    pool_clips: usize = 2048, 2048;
+    pool_clips: usize = 2048, 2048, 1 to 10_000_000;
     /// Seed of the weights, the pool and the windows: 0.
-    seed: u64 = 0, 0;
+    seed: u64 = 0, 0, 0 to 18_446_744_073_709_551_615u64;
 }
 
 impl TokenizerTraining {
@@ -270,9 +277,9 @@ section! {
     #[derive(Copy, Eq)]
     pub struct Plateau {
         /// Times that the validation split is measured, spread evenly over the steps.
-        evaluations: usize = 20;
+        evaluations: usize = 20, 1 to 100_000;
         /// Measurements in a row without a new best after which training ends.
-        patience: usize = 5;
+        patience: usize = 5, 1 to 100_000;
     }
 }
 
