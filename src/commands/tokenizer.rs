@@ -7,7 +7,10 @@ use super::plot;
 use super::prelude::*;
 use super::run::{RunArgs, run_only};
 use clap::Subcommand;
-use isoflop::codes::{CodeMap, ScaleUse, TokenizerMetrics, remarks, table as compared};
+use isoflop::codes::{
+    CodeMap, Continuity, ScaleUse, TokenizerMetrics, percent, remarks, table as compared,
+    two_decimals,
+};
 use isoflop::data::Split;
 use isoflop::figures::{self, Format, draw_alone};
 use isoflop::jobs::JobKind;
@@ -122,12 +125,28 @@ fn guidance(args: &GuidanceArgs, output: &Output) -> Result<Exit> {
 /// A line a strength.
 fn guidance_text(id: &str, at: &[f64], found: &[Reconstruction]) -> String {
     let row = |(guidance, made): (&f64, &Reconstruction)| {
-        let Reconstruction { mpjpe_mm: own, mpjpe_heading_mm: given, reconstruction_l1: l1 } = made;
-        [guidance.to_string(), format!("{own:.1}"), format!("{given:.1}"), format!("{l1:.4}")]
+        let Reconstruction {
+            mpjpe_mm: own, mpjpe_heading_mm: given, reconstruction_l1: l1, ..
+        } = made;
+        let Continuity { boundary_step_ratio, jerk_ratio, root_end_error, .. } = made.continuity;
+        let [across, jerk] = [boundary_step_ratio, jerk_ratio].map(two_decimals);
+        let [own, given] = [own, given].map(|mm| format!("{mm:.1}"));
+        [
+            guidance.to_string(),
+            own,
+            given,
+            format!("{l1:.4}"),
+            across,
+            jerk,
+            percent(root_end_error),
+        ]
     };
-    let rows = table(["guidance", "MPJPE, mm: own", "given", "L1"], at.iter().zip(found).map(row));
+    let head = ["guidance", "MPJPE, mm: own", "given", "L1", "boundary", "jerk", "root, %"];
+    let rows = table(head, at.iter().zip(found).map(row));
     format!(
         "reconstruction of the test split by tokenizer {id}\n\n{rows}\
-         MPJPE by the tokenizer's own heading and by the true one; L1 of normalised features"
+         MPJPE by the tokenizer's own heading and by the true one; L1 of normalised\n\
+         features; steps across codes over steps inside, and jerk, each over the truth's;\n\
+         distance of the root at the end as a share of the path (median)"
     )
 }

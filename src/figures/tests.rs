@@ -5,6 +5,7 @@ use std::fs;
 pub mod simulated;
 
 use super::*;
+use crate::codes::Continuity;
 use crate::laws::MinimumFlag;
 use crate::record::RunRecord;
 use crate::record::facts::LOSS_NORMALISED;
@@ -79,6 +80,27 @@ fn with_one_vocabulary_what_compares_vocabularies_is_left_out() {
     sweep.records.retain(|run| run.planned.n_vocab == 256);
     sweep.tokenizers.truncate(1);
     assert_eq!(left_out(&sweep.input()), ["loss_vs_vocab", "tokenizers"]);
+}
+
+#[test]
+fn movement_of_tokenizers_is_drawn_where_it_was_measured() {
+    let mut sweep = simulated::sweep();
+    let panels = |sweep: &Simulated| {
+        let (folder, _) = drawn(&sweep.input());
+        let svg = fs::read_to_string(folder.path().join("tokenizers.svg")).unwrap();
+        ["Boundaries of codes", "Jerk", "Root at the end"].map(|title| svg.contains(title))
+    };
+    assert_eq!(panels(&sweep), [false; 3]);
+    sweep.tokenizers[0].continuity = Some(Continuity {
+        boundary_step_ratio: Some(1.4),
+        jerk: 120.0,
+        jerk_ratio: Some(1.5),
+        root_error: None,
+        root_end_error: None,
+        travelling_clips: 0,
+        still_clips: 7,
+    });
+    assert_eq!(panels(&sweep), [true, true, false]);
 }
 
 /// The same runs on half of the data.

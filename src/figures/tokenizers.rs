@@ -17,38 +17,59 @@ struct Metric {
     title: &'static str,
     label: &'static str,
     scale: Scale,
-    of: fn(&TokenizerMetrics) -> f64,
+    of: fn(&TokenizerMetrics) -> Option<f64>,
     /// The same of k-means with as many codes, where it was measured.
     of_k_means: fn(&TokenizerMetrics) -> Option<f64>,
 }
 
-const METRICS: [Metric; 4] = [
+const METRICS: [Metric; 7] = [
     Metric {
         title: "Reconstruction",
         label: "L1 of normalised features",
         scale: Scale::Linear,
-        of: |metrics| metrics.reconstruction_l1,
+        of: |metrics| Some(metrics.reconstruction_l1),
         of_k_means: |_| None,
     },
     Metric {
         title: "Joint positions",
         label: "MPJPE (mm)",
         scale: Scale::Linear,
-        of: |metrics| metrics.mpjpe_mm,
+        of: |metrics| Some(metrics.mpjpe_mm),
         of_k_means: |metrics| metrics.k_means.map(|k_means| k_means.mpjpe_mm),
     },
     Metric {
         title: "Codes in use",
         label: "Utilisation (%)",
         scale: Scale::Linear,
-        of: |metrics| 100.0 * metrics.utilisation,
+        of: |metrics| Some(100.0 * metrics.utilisation),
         of_k_means: |_| None,
     },
     Metric {
         title: "Effective codes",
         label: "Exponential entropy (codes)",
         scale: Scale::Log,
-        of: |metrics| metrics.exponential_entropy,
+        of: |metrics| Some(metrics.exponential_entropy),
+        of_k_means: |_| None,
+    },
+    Metric {
+        title: "Boundaries of codes",
+        label: "Steps across over steps inside",
+        scale: Scale::Linear,
+        of: |metrics| metrics.continuity?.boundary_step_ratio,
+        of_k_means: |_| None,
+    },
+    Metric {
+        title: "Jerk",
+        label: "Jerk over the truth's",
+        scale: Scale::Linear,
+        of: |metrics| metrics.continuity?.jerk_ratio,
+        of_k_means: |_| None,
+    },
+    Metric {
+        title: "Root at the end",
+        label: "Distance (% of the path)",
+        scale: Scale::Linear,
+        of: |metrics| Some(100.0 * metrics.continuity?.root_end_error?),
         of_k_means: |_| None,
     },
 ];
@@ -63,7 +84,10 @@ pub fn tokenizers(sources: &Sources) -> Drawing {
     }
     let kinds = sorted(tokenizers.iter().map(TokenizerMetrics::name));
     let looks = category_looks(kinds.len());
-    let plots = METRICS.iter().map(|metric| metric.plot(tokenizers, &vocabs, (&kinds, &looks)));
+    // Files of older versions lack some.
+    let measured =
+        METRICS.iter().filter(|metric| tokenizers.iter().any(|t| (metric.of)(t).is_some()));
+    let plots = measured.map(|metric| metric.plot(tokenizers, &vocabs, (&kinds, &looks)));
     let plots = plots.collect::<Result<Vec<_>, _>>()?;
     let mut legend = Legend::headed("Tokenizer");
     for (kind, look) in kinds.iter().zip(&looks) {
@@ -87,7 +111,7 @@ impl Metric {
         (kinds, looks): (&[String], &[Look]),
     ) -> Result<Plot, String> {
         let k_means_values = tokenizers.iter().filter_map(self.of_k_means);
-        let values = tokenizers.iter().map(self.of).chain(k_means_values);
+        let values = tokenizers.iter().filter_map(self.of).chain(k_means_values);
         let vocabs = vocabs.iter().map(|&n_vocab| n_vocab as f64);
         let x = Axis::new("Vocabulary size V (codes)", Scale::Log, vocabs.clone())?;
         let y = Axis::new(self.label, self.scale, values)?;
@@ -99,8 +123,9 @@ impl Metric {
         plot.line(means(tokenizers, self.of_k_means), k_means());
         for (kind, look) in kinds.iter().zip(looks) {
             let of_kind = tokenizers.iter().filter(|t| t.name() == *kind);
-            plot.line(means(of_kind.clone(), |metrics| Some((self.of)(metrics))), look.stroke());
-            plot.marks(of_kind.map(|own| (own.n_vocab as f64, (self.of)(own))), *look);
+            plot.line(means(of_kind.clone(), self.of), look.stroke());
+            let point = |own: &TokenizerMetrics| Some((own.n_vocab as f64, (self.of)(own)?));
+            plot.marks(of_kind.filter_map(point), *look);
         }
         Ok(plot)
     }

@@ -6,7 +6,7 @@ use std::iter;
 use maud::{Markup, html};
 
 use super::input::{ReportInput, Study, Words, budgets, of_budget, section};
-use crate::codes::TokenizerMetrics;
+use crate::codes::{TokenizerMetrics, percent, two_decimals};
 use crate::laws::text::count;
 use crate::laws::{Exponent, Laws};
 use crate::record::RunRecord;
@@ -153,16 +153,27 @@ pub fn tokenizers(tokenizers: &[TokenizerMetrics]) -> Option<Markup> {
         "k-means so",
         "codes used",
         "effective codes",
+        "steps across codes",
+        "jerk",
+        "root, %",
+        "root at the end, %",
     ];
     let rows: Vec<Vec<String>> = tokenizers.iter().map(of_tokenizer).collect();
     let caption = "Error of the joints on the test split, beside k-means of as many codes";
-    let table = table(caption, &head, &rows);
-    (!rows.is_empty()).then(|| section("tokenizers", "Tokenizers", &table))
+    let within = html! {
+        (table(caption, &head, &rows))
+        p.faint { "Steps of the joints across the boundaries of codes over steps inside, and jerk, each over \
+                   the truth's: 1 is best. Root: its distance on the ground from the true root, mean over \
+                   time and in the last frame, as a share of the path's length; the median over clips that \
+                   travel 1 m or more." }
+    };
+    (!rows.is_empty()).then(|| section("tokenizers", "Tokenizers", &within))
 }
 
 fn of_tokenizer(metrics: &TokenizerMetrics) -> Vec<String> {
     let mm = |value: Option<f64>| value.map(|mm| format!("{mm:.1}")).unwrap_or_default();
     let architecture = metrics.architecture.as_deref().unwrap_or_default();
+    let own = metrics.continuity;
     vec![
         metrics.n_vocab.to_string(),
         format!("{architecture} {}", metrics.kind).trim().to_string(),
@@ -172,6 +183,10 @@ fn of_tokenizer(metrics: &TokenizerMetrics) -> Vec<String> {
         mm(metrics.k_means.as_ref().map(|baseline| baseline.mpjpe_heading_mm)),
         format!("{:.0} %", 100.0 * metrics.utilisation),
         format!("{:.0}", metrics.exponential_entropy),
+        two_decimals(own.and_then(|own| own.boundary_step_ratio)),
+        two_decimals(own.and_then(|own| own.jerk_ratio)),
+        percent(own.and_then(|own| own.root_error)),
+        percent(own.and_then(|own| own.root_end_error)),
     ]
 }
 

@@ -31,6 +31,10 @@ fn tokenizers_are_trained_alone_compared_and_not_trained_again_by_run() {
         assert!(first[name].as_f64().is_some_and(|mm| mm > 0.0), "{document:#}");
     }
     assert!(first["kmeans_mpjpe_mm"].is_number(), "{document:#}");
+    for name in ["boundary_step_ratio", "jerk_ratio", "root_end_error"] {
+        assert!(first["continuity"][name].is_number(), "{document:#}");
+    }
+    assert!(first["continuity_by_source"].is_null() && table.contains("boundary"), "{document:#}");
 }
 
 /// Runs a sweep to its laws, and gives the metrics of its tokenizers and the columns of its runs.

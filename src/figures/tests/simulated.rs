@@ -154,6 +154,8 @@ fn tokenizer(kind: &str, n_vocab: usize, noise: &mut Noise) -> TokenizerMetrics 
         scales: None,
         frames_per_code: Some(4),
         seed: Some(0),
+        continuity: None,
+        continuity_by_source: None,
         k_means: None,
     }
 }

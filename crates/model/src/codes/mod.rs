@@ -9,6 +9,7 @@
 //! assert_eq!(histogram.utilisation(), 0.75); // three of four codes are met
 //! ```
 
+mod compared;
 mod metrics;
 mod store;
 
@@ -20,7 +21,8 @@ use serde::{Deserialize, Serialize};
 use crate::files::{FileError, atomic, read_if_there};
 
 pub use crate::spec::{Grid, Length, Scale};
-pub use metrics::{Baseline, CodeMap, ScaleCodes, ScaleUse, TokenizerMetrics, remarks, table};
+pub use compared::{percent, remarks, table, two_decimals};
+pub use metrics::{Baseline, CodeMap, Continuity, ScaleCodes, ScaleUse, TokenizerMetrics};
 pub use store::{SplitTokens, TokenStore, write_store};
 
 // How often each code was met, and what follows from it.

@@ -23,6 +23,8 @@ mod retrieval;
 mod statistics;
 
 pub use distances::{Gaussian, diversity, frechet_distance, multimodality};
+#[cfg(feature = "train")]
+pub(crate) use physics::jerk;
 pub use physics::{Physics, physics};
 pub use retrieval::{POOL, Retrieval, cosine_score, retrieval};
 pub use statistics::{MotionScores, RankCorrelation, Repeated, rank_correlation};

@@ -53,7 +53,8 @@ fn foot_skate(poses: &[Pose], fps: f64) -> f64 {
     sliding.count() as f64 / (poses.len() - 1) as f64
 }
 
-fn jerk(poses: &[Pose], fps: f64) -> f64 {
+/// Mean size of the third derivative of the joints' places, in m/s³, of four frames or more.
+pub(crate) fn jerk(poses: &[Pose], fps: f64) -> f64 {
     let third = |four: &[Pose], joint: usize| {
         let along = |axis: usize| {
             let at = |frame: usize| f64::from(four[frame][joint][axis]);

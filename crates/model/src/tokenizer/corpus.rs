@@ -142,7 +142,7 @@ pub struct Normaliser {
     /// Deviation of each feature, `[f]`.
     pub std: Vec<f32>,
     /// Whether joints stand at their height above the root, and values are bounded.
-    relative: bool,
+    pub relative: bool,
     /// Features of a frame before it is narrowed to f.
     all: usize,
 }

@@ -1,6 +1,10 @@
 //! Measuring a tokenizer on the whole test split, and what any has to beat: k-means of patches, without context
 //! and without learning.
 
+mod continuity;
+
+use std::collections::BTreeMap;
+
 use burn::module::Module;
 use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
@@ -15,12 +19,14 @@ use super::halves::Captions;
 use super::module::TokenizerModule;
 use super::pool::WindowPool;
 use super::quantizer::{Extent, by_scale};
-use crate::codes::{Baseline, ScaleUse, TokenizerMetrics};
-use crate::codes::{CodeHistogram, Length, Scale};
+use crate::codes::{
+    Baseline, CodeHistogram, Continuity, Length, Scale, ScaleUse, TokenizerMetrics,
+};
 use crate::data::{DataError, MotionSource, Split};
-use crate::motion::{ROOT_YAW, mpjpe_mm, recover_joints};
+use crate::motion::{Pose, ROOT_YAW, mpjpe_mm, recover_joints};
 use crate::progress::moved;
 use crate::spec::{CodebookSpec, TokenizerSpec};
+use continuity::{Course, continuity};
 
 /// Reconstruction, and use of the codebook, over every clip of the test split.
 ///
@@ -66,8 +72,28 @@ pub fn evaluate(
         scales: Some(scales.iter().map(ScaleUse::of).collect()),
         frames_per_code: has_frames.then(|| spec.frames_per_latent()),
         seed: Some(spec.training.seed),
+        continuity: Some(made.continuity),
+        continuity_by_source: by_source(corpus.source, Split::Test, &test),
         k_means: None,
     })
+}
+
+/// The continuity of each member of a union, by its name; `None` for a single data set.
+fn by_source(
+    source: &dyn MotionSource,
+    split: Split,
+    scores: &[Score],
+) -> Option<BTreeMap<String, Continuity>> {
+    let mut courses: Vec<_> = scores.iter().flat_map(|score| &score.courses).collect();
+    courses.sort_unstable_by_key(|(clip, _)| *clip);
+    let mut rest = &courses[..];
+    let of_members = source.members().iter().map(|member| {
+        let own;
+        (own, rest) = rest.split_at(member.source.n_clips(split));
+        (member.name.clone(), continuity(own.iter().map(|(_, course)| course)))
+    });
+    let found: BTreeMap<_, _> = of_members.collect();
+    (!found.is_empty()).then_some(found)
 }
 
 /// How far what a tokenizer makes of its codes is from the truth, a frame's mean.
@@ -79,6 +105,7 @@ pub struct Reconstruction {
     pub mpjpe_mm: f64,
     /// The same with the true heading in place of the tokenizer's own.
     pub mpjpe_heading_mm: f64,
+    pub continuity: Continuity,
 }
 
 /// Reconstruction over every clip of a split, with language-free guidance where a tokenizer has language:
@@ -99,10 +126,12 @@ impl Reconstruction {
     fn of(scores: &[Score]) -> Self {
         let sum = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>();
         let n_frames = sum(|score| score.n_frames);
+        let courses = scores.iter().flat_map(|score| &score.courses);
         Self {
             reconstruction_l1: sum(|score| score.l1) / n_frames,
             mpjpe_mm: sum(|score| score.mpjpe_mm) / n_frames,
             mpjpe_heading_mm: sum(|score| score.given_heading_mm) / n_frames,
+            continuity: continuity(courses.map(|(_, course)| course)),
         }
     }
 }
@@ -114,6 +143,8 @@ struct Score {
     mpjpe_mm: f64,
     given_heading_mm: f64,
     n_frames: f64,
+    /// Each clip by its index in the split.
+    courses: Vec<(usize, Course)>,
     /// The codes of each scale.
     scales: Vec<Vec<u32>>,
 }
@@ -158,23 +189,32 @@ fn score(
     let values = truth.iter().zip(&made).zip(std.iter().cycle());
     let l1: f64 = values.map(|((a, b), std)| f64::from((a - b).abs() / std)).sum();
     let l1 = l1 / std.len() as f64;
-    let mpjpe_mm = mpjpe(&truth, &made, batch.n_frames, std.len());
+    let size = batch.n_frames * std.len();
+    let joints = |values: &[f32]| -> Vec<Vec<Pose>> {
+        values.chunks_exact(size).map(recover_joints).collect()
+    };
+    let (true_joints, own_joints) = (joints(&truth), joints(&made));
+    let mpjpe_mm = mpjpe(&true_joints, &own_joints);
+    let (stride, fps) = (tokenizer.spec().frames_per_latent(), tokenizer.fps());
+    let clips = batch.indices.iter().zip(own_joints.iter().zip(&true_joints));
+    let course = |(&clip, (made, truth)): (&usize, (&Vec<Pose>, &Vec<Pose>))| {
+        (clip, Course::of(made, truth, stride, fps))
+    };
+    let courses = clips.map(course).collect();
     let turns = truth.chunks_exact(std.len()).map(|frame| frame[ROOT_YAW]);
     made.chunks_exact_mut(std.len()).zip(turns).for_each(|(made, turn)| made[ROOT_YAW] = turn);
-    let given_heading_mm = mpjpe(&truth, &made, batch.n_frames, std.len());
+    let given_heading_mm = mpjpe(&true_joints, &joints(&made));
     moved();
     let lengths: Vec<usize> = tokenizer.spec().grid().lengths(batch.n_frames).collect();
     let scales = by_scale(&ids, &lengths, n_clips);
     let n_frames = (batch.n_frames * n_clips) as f64;
-    Score { l1, mpjpe_mm, given_heading_mm, n_frames, scales }
+    Score { l1, mpjpe_mm, given_heading_mm, n_frames, courses, scales }
 }
 
 /// The sum over all frames of clips of one length.
-fn mpjpe(truth: &[f32], made: &[f32], n_frames: usize, n_features: usize) -> f64 {
-    let size = n_frames * n_features;
-    let clips = truth.chunks_exact(size).zip(made.chunks_exact(size));
-    let each = clips.map(|(truth, made)| mpjpe_mm(&recover_joints(truth), &recover_joints(made)));
-    each.sum::<f64>() * n_frames as f64
+fn mpjpe(truth: &[Vec<Pose>], made: &[Vec<Pose>]) -> f64 {
+    let each = truth.iter().zip(made).map(|(truth, made)| mpjpe_mm(truth, made));
+    each.sum::<f64>() * truth[0].len() as f64
 }
 
 // k-means of patches.

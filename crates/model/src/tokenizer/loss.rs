@@ -9,12 +9,16 @@
 //! given = mean_m mean_j ‖p − p̂‖ / 0.1 m, own = mean_m mean_j ‖p − R(−2 Σe) p̂‖ / 0.1 m,
 //! features = mean_m Σ_f w_f smooth L1, velocity = mean_m mean |Δp − Δp̂| / 0.02 m,
 //!
-//! loss = ½ (given + own) + feature_weight · features + velocity_weight · velocity.
+//! loss = ½ (given + own) + feature_weight · features + velocity_weight · velocity,
+//!
+//! and the terms of [`course`] over time, where they have a weight.
 //!
 //! The gradient is written out and computed on the host in one pass: composed of tensor operations the
 //! loss would take longer than the network.
 //!
 //! Shapes: b clips, t frames, f features.
+
+mod course;
 
 use burn::tensor::{Tensor, TensorData};
 
@@ -22,6 +26,7 @@ use super::corpus::Normaliser;
 use super::windows::Windows;
 use crate::motion::{POSITIONS, ROOT_YAW};
 use crate::spec::TokenizerTraining;
+use course::{CourseLoss, DISTANCE_M, JOINTS, Point, length};
 
 /// Smooth L1 over all features, plus `position_weight` times smooth L1 over the positions, each a
 /// mean over its own values (T2M-GPT's loss; it calls the positions "velocity"). `[1]`.
@@ -62,13 +67,8 @@ pub fn of_gradient(prediction_btf: Tensor<3>, value: f64, gradient: Vec<f32>) ->
     (linear - constant) + value
 }
 
-const JOINTS: usize = (POSITIONS.end - POSITIONS.start) / 3;
-/// Metres that count as one.
-const DISTANCE_M: f64 = 0.1;
 /// Metres a frame that count as one.
 const VELOCITY_M: f64 = 0.02;
-/// Keeps the distance's gradient finite where it is 0, in m².
-const SOFTENING_M2: f64 = 1e-6;
 /// How much the turn, the rest of the root and each other feature count for.
 const TURN: f64 = 12.0;
 const ROOT: f64 = 6.0;
@@ -80,9 +80,9 @@ pub struct JointLoss {
     velocity_weight: f64,
     /// Weight of each feature; together 1.
     shares: Vec<f64>,
+    /// `None` if neither of its terms has a weight.
+    course: Option<CourseLoss>,
 }
-
-type Point = [f64; 3];
 
 impl JointLoss {
     /// The loss with the weights of a training.
@@ -93,7 +93,8 @@ impl JointLoss {
         let all: f64 = shares.iter().sum();
         shares.iter_mut().for_each(|share| *share /= all);
         let TokenizerTraining { feature_weight, velocity_weight, .. } = *training;
-        Self { normaliser, feature_weight, velocity_weight, shares }
+        let course = CourseLoss::new(&normaliser, training);
+        Self { normaliser, feature_weight, velocity_weight, shares, course }
     }
 
     /// The loss of predicted windows, and its gradient by each of their values.
@@ -109,6 +110,10 @@ impl JointLoss {
         {
             loss += share * self.features(made, truth, visible, share, gradient);
             loss += share * self.joints(made, truth, visible, share, gradient);
+            if let Some(course) = &self.course {
+                let n_visible = visible.iter().take_while(|visible| **visible).count();
+                loss += share * course.of([made, truth], n_visible, share, gradient);
+            }
         }
         (loss, gradient)
     }
@@ -255,10 +260,6 @@ impl JointLoss {
     }
 }
 
-fn length(apart: &Point) -> f64 {
-    (apart.iter().map(|d| d * d).sum::<f64>() + SOFTENING_M2).sqrt()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -300,17 +301,20 @@ mod tests {
         assert!(grad.iter().zip(expected).all(|(g, e)| (g - e).abs() < 1e-7), "{grad:?}");
     }
 
-    const FRAMES: usize = 5;
+    pub const FRAMES: usize = 5;
 
-    fn loss() -> JointLoss {
+    pub fn normaliser() -> Normaliser {
         let stats = FeatureStats {
             mean: (0..N_FEATURES).map(|i| (i as f32 * 0.7).sin() * 0.2).collect(),
             std: (0..N_FEATURES).map(|i| 0.1 + 0.01 * (i % 7) as f32).collect(),
         };
         let architecture = ArchitectureSpec::Patch(PatchSpec::default());
         let spec = TokenizerSpec { architecture, ..TokenizerSpec::default() };
-        let normaliser = Normaliser::new(&spec, &stats);
-        JointLoss::new(normaliser, &TokenizerTraining::of_patches())
+        Normaliser::new(&spec, &stats)
+    }
+
+    fn loss() -> JointLoss {
+        JointLoss::new(normaliser(), &TokenizerTraining::of_patches())
     }
 
     /// Two windows.
@@ -318,7 +322,7 @@ mod tests {
         Windows { values: values.to_vec(), visible, n_frames: FRAMES, clips: vec![0; 2] }
     }
 
-    fn values(phase: f32) -> Vec<f32> {
+    pub fn values(phase: f32) -> Vec<f32> {
         (0..2 * FRAMES * N_FEATURES).map(|i| (i as f32 * 0.37 + phase).sin()).collect()
     }
 

@@ -141,14 +141,19 @@ impl TokenizerSpec {
         }
         let patches = matches!(self.architecture, ArchitectureSpec::Patch(_));
         let residual = matches!(self.quantizer, QuantizerSpec::Residual(_));
-        let mixes = self.training.mix_body > 0.0 || self.training.mix_arm > 0.0;
+        let TokenizerTraining { mix_body, mix_arm, .. } = self.training;
+        let TokenizerTraining { acceleration_weight, root_weight, .. } = self.training;
+        let mixes = mix_body > 0.0 || mix_arm > 0.0;
+        let unweighted = acceleration_weight == 0.0 && root_weight == 0.0;
         let all_steps = self.plateau.is_none();
-        require_all([
-            (!patches, "trainer", "`torch` trains no patches: leave `trainer` out"),
-            (!residual, "trainer", "`torch` trains no residual quantizers: leave `trainer` out"),
-            (!mixes, "trainer", "`torch` mixes no bodies: set mix_body and mix_arm to 0"),
-            (all_steps, "trainer", "`torch` takes all steps: leave tokenizer.plateau out"),
-        ])
+        let rules = [
+            (!patches, "`torch` trains no patches: leave `trainer` out"),
+            (!residual, "`torch` trains no residual quantizers: leave `trainer` out"),
+            (!mixes, "`torch` mixes no bodies: set mix_body and mix_arm to 0"),
+            (unweighted, "`torch` lacks acceleration_weight and root_weight: leave both out"),
+            (all_steps, "`torch` takes all steps: leave tokenizer.plateau out"),
+        ];
+        require_all(rules.map(|(holds, problem)| (holds, "trainer", problem)))
     }
 
     /// The k-means that it is measured beside, as a tokenizer of its own: of patches as long as what a code
@@ -299,7 +304,8 @@ impl TokenizerSection {
             learned, "belongs to `codes: learned`" => encoder_blocks, commitment, reset_share;
             step, "belongs to `schedule: step`" => decay_at;
             !joints, "belongs to `loss: features`" => position_weight;
-            joints, "belongs to `loss: joints`" => feature_weight, velocity_weight;
+            joints, "belongs to `loss: joints`" => feature_weight, velocity_weight,
+                acceleration_weight, root_weight;
             scales_or_vq, "belongs to VQ" => commitment;
             vq, "belongs to VQ" => reset_share;
         })

@@ -78,7 +78,7 @@ pub enum TokenizerSchedule {
 macro_rules! keys {
     ($(
         $(#[$about:meta])* $key:ident: $type:ty = $default:expr, $patch:expr
-            $(, $low:literal to $high:literal)?;
+            $(, $low:literal to $high:literal)? $(, unless $hidden:literal)?;
     )*) => {
         /// How a tokenizer is trained.
         ///
@@ -89,7 +89,7 @@ macro_rules! keys {
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(deny_unknown_fields, default)]
         pub struct TokenizerTraining {
-            $($(#[$about])* pub $key: $type,)*
+            $($(#[$about])* $(#[serde(skip_serializing_if = $hidden)])? pub $key: $type,)*
         }
 
         impl Default for TokenizerTraining {
@@ -198,6 +198,10 @@ keys! {
     feature_weight: f64 = 0.25, 0.25, 0 to 1e6;
     /// Weight of the joints' velocities in the loss of joints: 0.05.
     velocity_weight: f64 = 0.05, 0.05, 0 to 1e6;
+    /// Weight of the joints' accelerations in the loss of joints, across the boundaries of codes too: 0.
+    acceleration_weight: f64 = 0.0, 0.0, 0 to 1e6, unless "crate::units::is_default";
+    /// Weight of the root's place on the ground in the loss of joints, summed over a window: 0.
+    root_weight: f64 = 0.0, 0.0, 0 to 1e6, unless "crate::units::is_default";
     /// VQ and scales: weight of the squared distance from latents to their codes: 0.02, for patches 1.
     commitment: f64 = 0.02, 1.0, 0 to 1e6;
     /// VQ: a code that is met less often than this share of the mean is placed anew: 0.025 for patches.
@@ -260,7 +264,7 @@ impl TokenizerTraining {
             self;
             |n| n > 0, "must be at least 1" => batch, steps, pool_clips;
             at_least_0, "must not be negative" => lr, decay_at, decay_factor, position_weight,
-                feature_weight, velocity_weight, commitment, weight_decay, clip_norm;
+                feature_weight, velocity_weight, acceleration_weight, root_weight, commitment, weight_decay, clip_norm;
             |rate| rate > 0.0, "a rate is above 0" => lr;
             below_1, "lies in [0, 1)" => beta_1, beta_2, average, reset_share;
             share, between => mix_body;
