@@ -4,22 +4,22 @@
 //!
 //! `Sweep → RunSpec → RunRecord → IsoFlopPoint → Minimum → Law → Prediction`
 //!
-//! Below this crate lie four others, each with a table of its own; their modules are passed on here:
-//! `isoflop-laws` (tables of runs into laws and predictions) and, the upper on the lower, `isoflop-model`
-//! (burn's models), `isoflop-motion` (clips) and `isoflop-spec` (what is trained).
+//! Four crates lie below this one, each with its own table; their modules are re-exported here: `isoflop-laws` (tables
+//! of runs into laws and predictions) and, from top to bottom, `isoflop-model` (burn's models), `isoflop-motion`
+//! (clips) and `isoflop-spec` (specifications).
 //!
-//! Each module stands on a floor. It imports modules of lower floors, and of its own floor only
-//! those named in its line; `tests/floors.rs` reads this table and every import.
+//! Each module is on a floor (layer). It imports modules of lower floors, and on its own floor only those named in its
+//! line; `tests/floors.rs` reads this table and every import.
 //!
-//! | floor | module | what it is for | beside it |
+//! | floor | module | content | also imports |
 //! | --- | --- | --- | --- |
-//! | 1 | [`words`] | laws and predictions in words, for a terminal | |
+//! | 1 | [`words`] | laws and predictions as text for a terminal | |
 //! | 2 | [`sweep`] | a YAML file into a checked [`sweep::Sweep`] | |
 //! | 3 | [`plan`] | a sweep into priced runs, and cells dropped with their reasons | |
 //! | 3 | [`rates`] | trials at several learning rates into a rule | |
 //! | 4 | [`record`] | a finished run into a row of a table | |
-//! | 4 | [`jobs`] | what there is to do: a file a kind of job | record |
-//! | 5 | [`engine`] | who brings jobs to their end: this machine, or a cluster | |
+//! | 4 | [`jobs`] | the jobs of a sweep, one file per kind | record |
+//! | 5 | [`engine`] | runs jobs on this machine or a cluster | |
 //! | 6 | [`figures`] | tables and laws into SVG, PNG and PDF, motions into files | |
 //! | 6 | [`export`] | tables and laws into notebooks | |
 //! | 6 | [`report`] | tables, laws and figures into one page of HTML | |

@@ -21,6 +21,7 @@ static ALLOCATOR: isoflop::machine::Allocator = isoflop::machine::Allocator;
 
 fn main() -> ExitCode {
     ignore_file_size_signal();
+    isoflop::machine::tell_of_cut_files();
     let cli = commands::words_are_utf8().and_then(|()| Cli::try_parse());
     let cli = cli.unwrap_or_else(|error| commands::refuse(&error));
     let json = cli.is_json();
@@ -30,8 +31,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// A limit on file sizes should be an error of the write that meets it, and not the end of the
-/// program.
+/// Makes a limit on file sizes an error of the write that meets it, not the end of the program.
 fn ignore_file_size_signal() {
     use nix::sys::signal::{SigHandler, Signal, signal};
     // SAFETY: no handler is installed, and this is before any thread is started.

@@ -1,4 +1,4 @@
-//! The records of a sweep, and what follows from them.
+//! Turns the records of a sweep into table, laws, figures and predictions.
 
 use super::generators::{draw, parted};
 use super::output::table as columns;
@@ -10,16 +10,16 @@ use isoflop::record::table;
 use isoflop::sweep;
 use rayon::prelude::*;
 
-/// Table, laws, figures, predictions: all from the records of finished runs.
+/// Makes table, laws, figures and predictions from the records of finished runs.
 ///
-/// What was made of the same records and the same settings before is only shown again.
+/// Results of the same records and settings are shown again, not recomputed.
 ///
-/// The folder alone says what was planned, so that whoever trained the runs can have this done.
+/// The plan is read from the folder alone, so any engine can call this.
 pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<Exit> {
     let sweep = sweep::read(&folder.file("sweep.yaml"), &[])?;
     let records = gather(folder, output)?;
     if records.is_empty() {
-        // An empty table, and no word of laws and figures.
+        // An empty table, without laws and figures.
         table::write(folder.root(), &[])?;
         forget(folder)?;
         let root = folder.root();
@@ -29,7 +29,7 @@ pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<Exit> {
         return output.result(&document, &format!("{}: no run is done yet", root.display()));
     }
     let by_generator = parted(&records);
-    // Before the laws: what they were made beside is compared by the figures that are there.
+    // Before the laws: the check for unchanged results compares the figures in the folder.
     let scored = Scored::of(&sweep, folder, &records, output)?;
     let (mut document, mut text) = if by_generator.len() > 1 {
         table::write(folder.root(), &records)?;
@@ -45,7 +45,7 @@ pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<Exit> {
     output.result(&document, &text)
 }
 
-/// Laws for each generator: those of one would say nothing of another. Gives what there is to say.
+/// Fits laws for each generator by itself. Returns the text to print.
 fn of_several(
     sweep: &Sweep,
     folder: &ResultsFolder,
@@ -73,7 +73,7 @@ fn of_several(
     Ok((document, text))
 }
 
-/// A line a generator: its exponents, and what it predicts for the first budget that is asked about.
+/// A line per generator: its exponents, and its prediction for the first budget asked for.
 fn side_by_side(
     folder: &ResultsFolder,
     documents: &BTreeMap<String, Value>,
@@ -99,13 +99,13 @@ fn side_by_side(
     )
 }
 
-/// The table alone.
+/// Writes the table alone.
 pub fn tabulate(folder: &ResultsFolder, output: &Output) -> Result<()> {
     let records = gather(folder, output)?;
     Ok(table::write(folder.root(), &records)?)
 }
 
-/// What is read of `plan.json`.
+/// The part of `plan.json` that is read.
 #[derive(Deserialize)]
 struct Planned {
     runs: Vec<PlannedRun>,
@@ -125,7 +125,7 @@ pub fn planned_runs(folder: &ResultsFolder) -> Result<Option<Vec<String>>, FileE
     Ok(plan.map(|plan| plan.runs.into_iter().map(|run| run.run_id).collect()))
 }
 
-/// The records of the plan's runs; one that is damaged is left out with a warning.
+/// The records of the plan's runs; a damaged one is left out with a warning.
 fn gather(folder: &ResultsFolder, output: &Output) -> Result<Vec<RunRecord>> {
     let runs = planned_runs(folder)?;
     let runs = runs.with_context(|| format!("{} has no plan", folder.root().display()))?;

@@ -1,4 +1,4 @@
-//! What several commands take on the command line, and how it is parsed.
+//! Command-line arguments that several commands share, and their parsers.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use isoflop::jobs::ResultsFolder;
 use isoflop::machine::{CARDS, Card};
 
-/// What every command takes.
+/// The options of every command.
 #[derive(Args, Clone, Debug)]
 pub struct Common {
     /// Print one JSON document on standard output, everything else on standard error
@@ -17,10 +17,10 @@ pub struct Common {
     /// Print results and errors only
     #[arg(short, long, global = true)]
     pub quiet: bool,
-    /// Print all there is to say of laws and predictions, in place of one screen
+    /// Print laws and predictions in full, in place of one screen
     #[arg(long, global = true)]
     pub full: bool,
-    /// Log files that are opened and jobs that start and end; -vv adds each file written
+    /// Log each file opened and each job's start and end; -vv adds each file written
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
 }
@@ -41,7 +41,7 @@ pub struct FolderArgs {
 }
 
 impl FolderArgs {
-    /// What is read of each, one after another.
+    /// Reads each folder in turn.
     ///
     /// # Errors
     /// A folder does not exist, or cannot be read.
@@ -57,7 +57,7 @@ impl FolderArgs {
     }
 }
 
-/// The parser of one of several values, each by its name, with what the help says of it.
+/// The parser of one of several named values, each with its help.
 pub fn one_of<T: Clone + Send + Sync + 'static>(
     choices: impl IntoIterator<Item = (&'static str, &'static str, T)>,
 ) -> impl TypedValueParser<Value = T> {
@@ -77,7 +77,7 @@ pub fn a_card() -> impl TypedValueParser<Value = &'static Card> {
     one_of(CARDS.iter().map(|card| (card.name, "", card)))
 }
 
-/// A number that is as it should be; else a sentence on what it is not.
+/// A number that meets a condition; else a sentence that names the condition.
 pub fn number(text: &str, is_good: impl Fn(f64) -> bool, what: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|x: &f64| x.is_finite() && is_good(*x));
     number.ok_or_else(|| format!("{text} is not {what}"))
@@ -88,12 +88,12 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
     number(text, |x| x >= 0.0, "a number from 0 on")
 }
 
-/// A budget in FLOPs, as 1e18 or 1_000.
+/// A budget in FLOPs, e.g. 1e18 or 1_000.
 pub fn budget(text: &str) -> Result<f64, String> {
-    number(&text.replace('_', ""), |x| x > 0.0, "a number of FLOPs, as 1e18")
+    number(&text.replace('_', ""), |x| x > 0.0, "a number of FLOPs, e.g. 1e18")
 }
 
-/// A share, above 0 and below 1.
+/// A fraction, above 0 and below 1.
 pub fn share(text: &str) -> Result<f64, String> {
-    number(text, |x| x > 0.0 && x < 1.0, "a share between 0 and 1, as 0.02")
+    number(text, |x| x > 0.0 && x < 1.0, "a fraction between 0 and 1, e.g. 0.02")
 }

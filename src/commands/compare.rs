@@ -1,4 +1,4 @@
-//! `isoflop compare`: the laws of several studies side by side, and what differs in their sweeps.
+//! `isoflop compare`: the laws of several studies side by side, and the differences of their sweeps.
 
 use super::args::budget;
 use super::predict::{laws_named, predict_one};
@@ -16,7 +16,7 @@ pub struct CompareArgs {
     /// The budget in FLOPs at which optima are compared; by default the largest one fitted
     #[arg(long, value_parser = budget)]
     budget: Option<f64>,
-    /// The folder to draw compare.svg and its kin into
+    /// The folder for the figure: compare.svg, .png and .pdf
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -49,9 +49,9 @@ pub fn compare(args: &CompareArgs, output: &Output) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-// What a person reads of a comparison.
+// The comparison as text.
 
-/// Keys of sweeps that are told, at most.
+/// Keys of sweeps that are listed, at most.
 const KEYS: usize = 12;
 /// Characters of a study's name that are shown.
 const WIDEST: usize = 24;
@@ -92,7 +92,7 @@ fn said(Estimate { value, ci95 }: Estimate, quantity: &Quantity) -> String {
     format!("{}{}", number(value), interval.unwrap_or_default())
 }
 
-/// A difference, and whether it is one.
+/// A difference, and whether it is significant.
 fn against(Difference { value, ci95, differs }: Difference, is_ratio: bool) -> String {
     let number = |x: f64| if is_ratio { format!("x{:.2}", x.exp()) } else { format!("{x:+.3}") };
     let Some([low, high]) = ci95 else { return number(value) };
@@ -100,7 +100,7 @@ fn against(Difference { value, ci95, differs }: Difference, is_ratio: bool) -> S
     format!("{} ({}..{}) {verdict}", number(value), number(low), number(high))
 }
 
-/// Characters with which all values begin.
+/// The length of the common prefix of all values.
 fn alike(values: &[&str]) -> usize {
     let same = |i: usize| {
         let letter = values[0].chars().nth(i);
@@ -109,7 +109,7 @@ fn alike(values: &[&str]) -> usize {
     (0..).take_while(|i| same(*i)).count()
 }
 
-/// A long value from a little before where values begin to differ.
+/// A long value, cut to begin a little before the first difference.
 fn cut(value: &str, alike: usize) -> String {
     let n = value.chars().count();
     if n <= SHOWN {
@@ -142,14 +142,14 @@ fn of_sweeps(studies: &[Study], sweeps: &[SweepDifference], full: bool) -> Strin
     });
     if codes && studies.len() > 1 {
         text +=
-            "Data or tokenizers differ: L_u is of each study's own codes, and is not compared.\n";
+            "Data or tokenizers differ, so L_u is of each study's own codes and is not compared.\n";
     }
     text
 }
 
-// What differs between the sweeps of studies.
+// Differences between the sweeps of studies.
 
-/// A key whose values differ: one a study, `None` where it has none.
+/// A key whose values differ: one value per study, `None` if it has none.
 #[derive(Debug, PartialEq, Eq, Serialize)]
 struct SweepDifference {
     pub key: String,
@@ -157,7 +157,7 @@ struct SweepDifference {
 }
 
 impl SweepDifference {
-    /// Of the frozen sweeps in folders; nothing where one has none.
+    /// The differences of the frozen sweeps in folders; empty if a folder has none.
     pub fn of(studies: &[Study]) -> Result<Vec<Self>> {
         let mut all: Vec<BTreeMap<String, String>> = Vec::new();
         for study in studies {
@@ -200,7 +200,7 @@ fn flatten(key: &str, value: &Value, keys: &mut BTreeMap<String, String>) {
     }
 }
 
-// What is compared: exponents, and optima at a budget.
+// The compared quantities: exponents, and optima at a budget.
 
 /// A quantity of every study.
 #[derive(Serialize)]
@@ -208,24 +208,24 @@ struct Quantity {
     pub name: &'static str,
     /// Whether differences are ratios.
     pub is_ratio: bool,
-    /// `None` where a study does not have it.
+    /// `None` if a study does not have it.
     pub estimates: Vec<Option<Estimate>>,
-    /// Each study less the first, or divided by it, in logarithms; `None` for the first.
+    /// Each study minus the first, in logarithms for ratios; `None` for the first.
     pub differences: Vec<Option<Difference>>,
 }
 
-/// Exponents that `isoflop fit` prints, and their symbols: of the law to believe.
+/// The exponents of the recommended law that `isoflop fit` prints, and their symbols.
 const EXPONENTS: [(&str, &str); 4] = [
     ("exponent of N_nv in C", "N_nv"),
     ("exponent of N_v in C", "N_v"),
     ("exponent of N in C", "N"),
     ("exponent of D in C", "D"),
 ];
-/// What is compared of an optimum.
+/// The compared quantities of an optimum.
 const OPTIMA: [&str; 5] = ["N_nv", "N_v", "N", "V", "D"];
 
 impl Quantity {
-    /// All that some study has.
+    /// All quantities that some study has.
     pub fn all(studies: &[Study], budget: f64) -> Result<Vec<Self>> {
         let optima = studies.iter().map(|study| predict_one(&study.laws, budget));
         let told = optima.map(|optimum| match optimum {
@@ -235,7 +235,7 @@ impl Quantity {
         let optima: Vec<Option<Prediction>> = told.collect::<Result<_, PredictError>>()?;
         let own: Vec<PerQuantity<Exponent>> =
             studies.iter().map(|study| study.laws.answer().exponents).collect();
-        // `None` where it is not determined.
+        // `None` if it is not determined.
         let exponent = |Exponent { value, ci95, .. }: &Exponent| {
             Some(Estimate { value: (*value)?, ci95: *ci95 })
         };
@@ -269,7 +269,7 @@ impl Quantity {
     }
 }
 
-/// Of a joint law the ratio of its two exponents; of others that of their own law.
+/// The exponent of N_v in N_nv: for a joint law the ratio of two exponents, for others a law of its own.
 fn of_vocabulary(laws: &Laws, own: &PerQuantity<Exponent>) -> Option<Estimate> {
     if laws.recommended_law().is_joint() {
         let [vocab, size] =
@@ -280,25 +280,25 @@ fn of_vocabulary(laws: &Laws, own: &PerQuantity<Exponent>) -> Option<Estimate> {
     Some(Estimate { value: law.exponent, ci95: law.exponent_ci95 })
 }
 
-// [`Study`]: laws by a name.
+// [`Study`]: laws with a name.
 
 /// A study by its name.
 struct Study {
     pub name: String,
-    /// Through all budgets.
+    /// The laws through all budgets.
     pub laws: Laws,
     pub path: PathBuf,
 }
 
 impl Study {
-    /// Of a folder, a file, or `scamo`.
+    /// Reads a folder, a file, or `scamo`.
     pub fn of(given: &str) -> Result<Self> {
         let path = PathBuf::from(given);
         let laws = laws_named(given)?;
         if laws.power_laws.tokens.is_none() {
             bail!("{given} holds no power laws to compare");
         }
-        // A folder's name, or a file's without its ending; that of the folder for a `laws.json`.
+        // A folder's name, or a file's without its ending; for `laws.json` the name of its folder.
         let stem = path.file_stem().unwrap_or_default();
         let folder = path.parent().and_then(Path::file_name).filter(|_| stem == "laws");
         let name = match path.is_dir() {

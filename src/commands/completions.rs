@@ -1,4 +1,4 @@
-//! `isoflop completions`, `man` and `schema`: what shells, manuals and editors are told of the commands and of sweep files.
+//! `isoflop completions`, `man` and `schema`: files for shells, manuals and editors.
 
 use super::prelude::*;
 use clap::Command;

@@ -1,4 +1,4 @@
-//! What commands that train begin with: a sweep with its data, plan and folder; a device; a trained tokenizer.
+//! The start of commands that train: a sweep with its data, plan and folder; a device; a trained tokenizer.
 
 use super::args::one_of;
 use super::prelude::*;
@@ -14,34 +14,34 @@ use isoflop::sweep::presets::NAMES;
 use isoflop::text::{self, TextEncoder};
 use std::fs;
 
-/// A sweep file and what is laid over it.
+/// A sweep file and its overrides.
 #[derive(Args, Clone)]
 pub struct SweepArgs {
     #[arg(help = format!("The sweep file, or a preset: {}", NAMES.join(", ")))]
     pub sweep: PathBuf,
-    /// Override a setting of the file, as in train.min_steps=100; may be repeated
+    /// Override a setting of the file, e.g. train.min_steps=100; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub settings: Vec<String>,
-    /// The folder in which the sweep's own folder lies
+    /// The parent of the sweep's folder
     #[arg(long, default_value = "results", value_name = "DIR")]
     pub out: PathBuf,
     #[command(flatten)]
     pub work: WorkArgs,
 }
 
-/// What computes, and how much of it side by side.
+/// The device, and the number of parallel jobs.
 #[derive(Args, Clone)]
 pub struct WorkArgs {
-    /// Jobs that run side by side, one thread each; by default one per core, or one on a GPU
+    /// Jobs to run in parallel, one thread each; by default one per core, or one on a GPU
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub jobs: Option<u16>,
-    /// The backend that computes
+    /// The compute backend
     #[arg(long, value_parser = device(), default_value = "flex")]
     pub device: DeviceName,
 }
 
 impl WorkArgs {
-    /// Jobs side by side: by default one a core, and one on a GPU, whose memory is not known here.
+    /// Parallel jobs: by default one per core, and one on a GPU, whose memory is not known here.
     pub fn slots(&self) -> usize {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         let default = || if self.device.is_processor() { cores() } else { 1 };
@@ -49,30 +49,30 @@ impl WorkArgs {
     }
 }
 
-/// A trained tokenizer, and what it runs on.
+/// A trained tokenizer, and its device.
 #[derive(Args)]
 pub struct TokenizerChoice {
     #[command(flatten)]
     place: TokenizerPlace,
-    /// The backend that computes
+    /// The compute backend
     #[arg(long, value_parser = device(), default_value = "flex")]
     device: DeviceName,
 }
 
-/// Which trained tokenizer: one of the two.
+/// The trained tokenizer, by one of two options.
 #[derive(Args)]
 #[group(required = true, multiple = false)]
 struct TokenizerPlace {
-    /// A run's folder, or a sweep's, whose run with the lowest loss is taken
+    /// A run's folder, or a sweep's, for its run with the lowest loss
     #[arg(long, value_name = "RUN")]
     run: Option<PathBuf>,
-    /// A tokenizer's own folder: `tokenizers/<id>` of a sweep's
+    /// A tokenizer's folder: `tokenizers/<id>` in a sweep's folder
     #[arg(long, value_name = "FOLDER")]
     tokenizer: Option<PathBuf>,
 }
 
 impl TokenizerChoice {
-    /// Opens it.
+    /// Opens the tokenizer.
     pub fn open(&self) -> Result<TrainedTokenizer> {
         let device = self.device.open()?;
         match (&self.place.run, &self.place.tokenizer) {
@@ -101,8 +101,8 @@ pub fn a_track() -> impl TypedValueParser<Value = Track> {
 /// A sweep and its plan over its data.
 #[derive(Clone)]
 pub struct OpenSweep {
-    /// As resolved, where the data are opened to be used: `clips: auto` is a number here, and the source of a
-    /// union is named.
+    /// The resolved sweep, if the data are opened: `clips: auto` is a number here, and the source of a union is
+    /// named.
     pub sweep: Sweep,
     pub plan: Plan,
     pub folder: ResultsFolder,
@@ -135,8 +135,8 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     Ok(OpenSweep { sweep, plan, folder })
 }
 
-/// The plan of a sweep whose data, or vectors of captions, may not be here: then ids are
-/// provisional, and it says so.
+/// The plan of a sweep whose data, or caption vectors, may be missing: then ids are provisional, and a warning
+/// says so.
 pub fn plan_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     let (sweep, folder) = read_sweep(args)?;
     let source = data::open(&sweep.data, demand(&sweep).as_ref());
@@ -161,7 +161,7 @@ pub fn plan_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     Ok(OpenSweep { plan: Plan::new(&sweep, facts), sweep, folder })
 }
 
-/// Facts with what the captions are to an encoder; the exact count alone asks how long they are.
+/// Facts of the captions for an encoder; only the exact count of FLOPs needs their lengths.
 fn with_text(
     mut facts: DataFacts,
     sweep: &Sweep,
@@ -175,7 +175,7 @@ fn with_text(
     facts
 }
 
-/// Digests of the files that a trainer of one's own is made of.
+/// Digests of the files of a user's trainer.
 fn trainer_inputs(sweep: &Sweep) -> Result<BTreeMap<String, String>> {
     let inputs = sweep.trainer.iter().flat_map(|trainer| &trainer.inputs);
     let digest = |path: &PathBuf| {

@@ -1,4 +1,4 @@
-//! `isoflop detokenize`: codes back into motions, and how far they are from the originals.
+//! `isoflop detokenize`: codes back into motions, and their distance from the originals.
 
 use super::args::not_negative;
 use super::context::TokenizerChoice;
@@ -31,7 +31,7 @@ pub fn detokenize(args: &DetokenizeArgs, output: &Output) -> Result<Exit> {
     output.result(&document, &text(&tokenizer.id, &made, mean, &args.out))
 }
 
-/// The name of each motion, of which the folder holds no file yet, or none that is to stay.
+/// The name of each motion; an error if the folder has its file already, unless it may be overwritten.
 fn names(args: &DetokenizeArgs) -> Result<Vec<String>> {
     let names: Vec<String> = args.files.iter().map(|path| motion_name(path)).collect();
     for (i, name) in names.iter().enumerate() {
@@ -65,7 +65,7 @@ fn decoded(args: &DetokenizeArgs, tokenizer: &TrainedTokenizer, path: &Path) -> 
     Ok((clip, features, mpjpe_mm))
 }
 
-/// The original's file, where there is one.
+/// The original's file, if there is one.
 fn truth(args: &DetokenizeArgs, path: &Path, clip: &ClipCodes) -> Result<Option<PathBuf>> {
     let own = || path.parent().unwrap_or(Path::new("")).to_path_buf();
     let place = args.truth.clone().unwrap_or_else(own);
@@ -83,7 +83,7 @@ fn truth(args: &DetokenizeArgs, path: &Path, clip: &ClipCodes) -> Result<Option<
     }
 }
 
-/// MPJPE of the frames that were made.
+/// MPJPE over the decoded frames.
 fn distance(truth: &Path, made: &[f32], fps: f64) -> Result<f64> {
     let features = read_motion(truth, fps)?;
     let n_frames = |values: &[f32]| values.len() / N_FEATURES;
@@ -108,7 +108,7 @@ fn write(args: &DetokenizeArgs, name: &str, (clip, features, mpjpe_mm): &Decoded
     })
 }
 
-/// Over the frames of all motions whose original was found.
+/// The mean over the frames of all motions whose original was found.
 fn mean_mpjpe(made: &[Made]) -> Option<f64> {
     let known = made.iter().filter_map(|made| Some((made.mpjpe_mm?, made.frames as f64)));
     let (sum, frames) =
@@ -116,12 +116,12 @@ fn mean_mpjpe(made: &[Made]) -> Option<f64> {
     (frames > 0.0).then_some(sum / frames)
 }
 
-// What a person reads of motions that were made of codes: a screen.
+// The result as text.
 
 /// Motions that are listed, at most.
 const LISTED: usize = 12;
 
-/// What a person reads: a screen.
+/// The result as text.
 fn text(id: &str, made: &[Made], mean: Option<f64>, out: &Path) -> String {
     let heading = many(made.len(), "motion");
     let row = |Made { motion, frames, mpjpe_mm, .. }: &Made| {
@@ -140,22 +140,22 @@ fn text(id: &str, made: &[Made], mean: Option<f64>, out: &Path) -> String {
     text + &format!("files     {out}/<motion>.svg .bvh .joints.npy .features.npy\n")
 }
 
-// [`Made`]: what is said of a motion that was made of codes.
+// [`Made`]: the facts of a decoded motion.
 
-/// A motion that was made.
+/// A decoded motion.
 #[derive(Serialize)]
 struct Made {
-    /// Its name: that of its files.
+    /// The stem of its files.
     pub motion: String,
     pub frames: usize,
-    /// From the original, where that was found.
+    /// Distance from the original, if it was found.
     pub mpjpe_mm: Option<f64>,
-    /// How far the rigid body of the BVH is from the joints, at most and on the mean.
+    /// Distance of the BVH's rigid body from the joints, at most and on average.
     pub bvh_largest_mm: f64,
     pub bvh_mean_mm: f64,
 }
 
-// What `isoflop detokenize` takes.
+// The arguments of `isoflop detokenize`.
 
 #[derive(Args)]
 pub struct DetokenizeArgs {
@@ -164,17 +164,17 @@ pub struct DetokenizeArgs {
     pub files: Vec<PathBuf>,
     #[command(flatten)]
     pub tokenizer: TokenizerChoice,
-    /// The original of a single file, or a folder that holds originals under their names; by default
-    /// the codes' own folder
+    /// The original of a single file, or a folder with originals of the same names; by default the
+    /// folder of the codes
     #[arg(long, value_name = "PATH")]
     pub truth: Option<PathBuf>,
-    /// How far a tokenizer with language follows the caption
+    /// Strength of caption guidance, for a tokenizer with language
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
     pub detokenizer_guidance: f64,
     /// The folder to write to
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Write over motions that the folder holds
+    /// Overwrite motions in the folder
     #[arg(long)]
     pub overwrite: bool,
 }

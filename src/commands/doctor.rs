@@ -1,4 +1,4 @@
-//! `isoflop doctor`: what this machine and this build can do.
+//! `isoflop doctor`: checks the machine and the build.
 
 use super::prelude::*;
 use burn::tensor::{Device, Distribution, Tensor};
@@ -9,13 +9,13 @@ use std::time::{Duration, Instant};
 /// Rows and columns of the matrices that are multiplied.
 const SIZE: usize = 512;
 
-/// How long is multiplied.
+/// The time spent on multiplying.
 const WHILE: Duration = Duration::from_millis(500);
 
-/// What Slurm is used by.
+/// The commands of Slurm that are used.
 const SLURM: [&str; 4] = ["sbatch", "squeue", "sacct", "scancel"];
 
-/// Something that was looked at, whether a sweep runs with it, and what was found; `None` where it can do without.
+/// A check: its name, whether it passed, and the finding; `None` if a sweep does not need it.
 type Finding = (&'static str, Option<bool>, String);
 
 pub fn doctor(output: &Output) -> Result<Exit> {
@@ -25,11 +25,11 @@ pub fn doctor(output: &Output) -> Result<Exit> {
     let has_cores = cores.is_ok();
     let cores = cores.map_or_else(
         |error| format!("not told: {error}"),
-        |cores| format!("{cores}: as many runs side by side"),
+        |cores| format!("{cores}: as many parallel runs"),
     );
     let memory = machine::available().map_or_else(
-        || "the system does not tell; --memory sets what jobs may take".to_string(),
-        |bytes| format!("{:.1} GB to be had", bytes as f64 / 1e9),
+        || "unknown to the system; --memory sets the limit of jobs".to_string(),
+        |bytes| format!("{:.1} GB free", bytes as f64 / 1e9),
     );
     let encoders = match cfg!(feature = "encoders") {
         true => "T5, CLIP, BERT and LLaMA from local weights",
@@ -61,13 +61,13 @@ pub fn doctor(output: &Output) -> Result<Exit> {
     Ok(if fine { Exit::Done } else { Exit::SomeRunsFailed })
 }
 
-/// A device that is not in this build is nothing amiss; one that multiplies wrongly is.
+/// A device that is not in this build is no fault; one that multiplies wrongly is.
 fn device(name: DeviceName) -> Finding {
     let (good, found) = match name.open() {
         Err(NoDevice::Vectors(error)) => (Some(false), error),
         Err(_) => (None, format!("not in this build; --features {}", name.name())),
         Ok(device) => match check_products(&device) {
-            Ok(()) => (Some(true), "in this build, and multiplies rightly".to_string()),
+            Ok(()) => (Some(true), "in this build, and multiplies correctly".to_string()),
             Err(error) => (Some(false), error.to_string()),
         },
     };
@@ -93,7 +93,7 @@ fn speed() -> String {
     }
     let rate = products * flops / began.elapsed().as_secs_f64();
     let rate = rate / 1e9;
-    format!("{rate:.0} GFLOP/s in products of {SIZE} × {SIZE}; `isoflop plan` probes runs")
+    format!("{rate:.0} GFLOP/s for {SIZE} × {SIZE} matrices; `isoflop plan` times runs")
 }
 
 fn slurm() -> String {

@@ -1,4 +1,4 @@
-//! `isoflop evaluator`: what motions are scored by, and what it is worth.
+//! `isoflop evaluator`: trains the evaluator of motions and shows its gates.
 
 use super::args::FolderArgs;
 use super::context::{OpenSweep, read_sweep};
@@ -17,7 +17,7 @@ pub struct EvaluatorArgs {
 
 #[derive(Subcommand)]
 enum What {
-    /// Train the evaluator of a sweep and measure its gates, and nothing else of the sweep
+    /// Train only the evaluator of a sweep, and measure its gates
     Train(RunArgs),
     /// Show the gates of the evaluators of sweeps
     Gates(FolderArgs),
@@ -30,7 +30,7 @@ pub fn evaluator(args: &EvaluatorArgs, output: &Output) -> Result<Exit> {
     }
 }
 
-/// Trains the evaluator, unless it is there; then its gates are shown.
+/// Trains the evaluator unless it is trained already, then shows its gates.
 fn train(args: &RunArgs, output: &Output) -> Result<Exit> {
     if read_sweep(&args.sweep)?.0.evaluator.is_none() {
         bail!(

@@ -30,7 +30,7 @@ enum ExportForm {
     Csv,
     /// Runs and scores as Parquet
     Parquet,
-    /// The loss of each run as it was trained, for TensorBoard
+    /// The loss of each run over its training, for TensorBoard
     Tensorboard,
 }
 
@@ -57,7 +57,7 @@ pub fn export(args: &ExportArgs, output: &Output) -> Result<Exit> {
     output.result(&document, &text)
 }
 
-/// Refuses a folder without files that a form is made of.
+/// Refuses a folder that lacks files of the form.
 fn needs(folder: &ResultsFolder, names: &[&str]) -> Result<()> {
     match names.iter().map(|name| folder.file(name)).find(|path| !path.exists()) {
         Some(path) => bail!("{} is missing; `isoflop run` writes it", path.display()),
@@ -65,12 +65,12 @@ fn needs(folder: &ResultsFolder, names: &[&str]) -> Result<()> {
     }
 }
 
-/// Files that are named one by one, at most.
+/// Files that are listed, at most.
 const SHOWN: usize = 8;
 
 // Tables of a sweep, each a file.
 
-/// `runs.csv`, `scores.csv` where runs are scored, and `minima.csv` where there are laws.
+/// `runs.csv`, `scores.csv` if runs are scored, and `minima.csv` if there are laws.
 fn csv(folder: &ResultsFolder, out: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = copied(folder, out, "csv")?;
     if let Some(laws) = read_if_there(&folder.file("laws.json"))? {
@@ -81,7 +81,7 @@ fn csv(folder: &ResultsFolder, out: &Path) -> Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// The table of runs, and that of scores where runs are scored.
+/// The table of runs, and the table of scores if runs are scored.
 fn copied(folder: &ResultsFolder, out: &Path, ending: &str) -> Result<Vec<PathBuf>> {
     let names = ["runs", "scores"].map(|name| format!("{name}.{ending}"));
     needs(folder, &[&names[0]])?;
@@ -123,7 +123,7 @@ fn minima(laws: &Laws) -> String {
 
 // Runs as TensorBoard reads them: a folder a run.
 
-/// Loss and learning rate along the training of each run that is in the folder, and its result.
+/// Loss and learning rate over the training of each run in the folder, and its result.
 fn tensorboard(folder: &ResultsFolder, out: &Path) -> Result<Vec<PathBuf>> {
     needs(folder, &["runs.parquet"])?;
     let mut paths = Vec::new();
@@ -145,7 +145,7 @@ fn tensorboard(folder: &ResultsFolder, out: &Path) -> Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// `L2-d16-V240-C1e10-seed0`: what tells runs of a sweep apart, and their generator and tokenizer.
+/// A run's name, `L2-d16-V240-C1e10-seed0`, with its generator and tokenizer.
 fn name(record: &RunRecord) -> String {
     let planned = &record.planned;
     let [layers, d] = [planned.n_layer, planned.d_model].map(|n| dash(n, |n| n.to_string()));
@@ -157,7 +157,7 @@ fn name(record: &RunRecord) -> String {
 }
 
 fn scalars(record: &RunRecord, lines: &[LogLine]) -> Vec<Scalar> {
-    // The log holds no times: steps are taken to last alike.
+    // The log has no times: all steps are assumed to take equally long.
     let steps = lines.last().map_or(1, |line| line.step.max(1));
     let wall_s = record.measured.wall_s.unwrap_or(0.0);
     let at = |line: &LogLine| wall_s * line.step as f64 / steps as f64;

@@ -1,4 +1,4 @@
-//! The runs of a sweep with several generators, kept apart: each generator has a folder of its own.
+//! Splits the runs of a sweep by generator: each generator has its own folder.
 
 use super::prelude::*;
 use isoflop::figures::{self, Format, GeneratorRuns, draw_alone};
@@ -15,7 +15,7 @@ pub fn parted(records: &[RunRecord]) -> BTreeMap<String, Vec<RunRecord>> {
     parted
 }
 
-/// Refuses runs of several generators: a law of all of them would say nothing of any.
+/// Refuses runs of several generators: one law for all of them would be meaningless.
 pub fn of_one(folder: &ResultsFolder, records: &[RunRecord]) -> Result<()> {
     let names: BTreeSet<&str> = records
         .iter()
@@ -23,7 +23,7 @@ pub fn of_one(folder: &ResultsFolder, records: &[RunRecord]) -> Result<()> {
         .collect();
     if let (Some(first), 2..) = (names.first(), names.len()) {
         bail!(
-            "{} has runs of several generators, each with laws of its own; name the folder of one, as {}",
+            "{} has runs of several generators, each with its own laws; name the folder of one, e.g. {}",
             folder.root().display(),
             folder.of_generator(first).root().display()
         );
@@ -31,14 +31,14 @@ pub fn of_one(folder: &ResultsFolder, records: &[RunRecord]) -> Result<()> {
     Ok(())
 }
 
-/// The sweep's folder of the folder of one of its generators; any other folder itself.
+/// The sweep's folder, given the folder of one of its generators; any other folder unchanged.
 pub fn home(folder: &ResultsFolder) -> ResultsFolder {
     let above = folder.root().parent().filter(|above| above.ends_with("generators"));
     let home = above.and_then(Path::parent).filter(|home| home.join("sweep.yaml").is_file());
     ResultsFolder::new(home.unwrap_or(folder.root()))
 }
 
-/// The sweep that filled a folder; of the folder of one of its generators, the sweep of that one alone.
+/// The sweep that filled a folder; for the folder of one generator, the sweep of that generator alone.
 pub fn sweep_of(folder: &ResultsFolder) -> Result<Sweep> {
     let home = home(folder);
     let file = home.file("sweep.yaml");

@@ -74,7 +74,7 @@ pub struct Cli {
     command: Command,
 }
 
-/// The commands, each with what it takes and what it calls; `"train":` stands before those of a build that trains.
+/// The commands, each with its arguments and its function; `"train":` marks those that need the feature `train`.
 macro_rules! commands {
     (|$output:ident| $(
         $(#[$about:meta])* $($feature:literal:)? $name:ident $(($args:ident: $takes:ty))? => $call:expr,
@@ -95,53 +95,53 @@ macro_rules! commands {
 }
 
 commands! { |output|
-    /// Write a sweep file with comments, sized to a time, for one's data
+    /// Write a commented sweep file for your data, sized to a time
     "train": Init(args: init::InitArgs) => init::init(&args, output),
     /// Expand and price a sweep; train nothing
     "train": Plan(args: plan::PlanArgs) => plan::plan(&args, output),
-    /// Run what is missing of a sweep, then fit, plot and predict
+    /// Run the missing jobs of a sweep, then fit, plot and predict
     "train": Run(args: run::RunArgs) => run::run(&args, output),
-    /// How far a sweep is, what runs, what failed and how to try it again
+    /// Show a sweep's progress, its failures and the commands to retry them
     "train": Status(args: args::FolderArg) => status::status(&args, output),
-    /// End a sweep cleanly, wherever it runs; what is finished stays
+    /// Stop a sweep cleanly, wherever it runs; finished jobs are kept
     "train": Cancel(args: args::FolderArg) => status::cancel(&args, output),
     /// Fit laws to a sweep, or to any table of runs
     Fit(args: fit::FitArgs) => fit::fit(&args, output),
-    /// Draw every figure of a sweep again, from its table alone
+    /// Redraw every figure of a sweep from its table
     Plot(args: plot::PlotArgs) => plot::plot(&args, output),
-    /// The optimal configuration for a budget
+    /// Predict the optimal configuration for a budget
     Predict(args: predict::PredictArgs) => predict::predict(&args, output),
     /// Test the laws: forecast a budget beyond the fit, train there, compare
     "train": Validate(args: validate::ValidateArgs) => validate::validate(&args, output),
-    /// Find the learning rate, batch and schedule of a sweep by trials, as a `train` section
+    /// Find learning rate, batch and schedule by trials, and write them as a `train` section
     "train": Tune(args: tune::TuneArgs) => tune::tune(&args, output),
     /// Train the tokenizers of a sweep, or compare several
     "train": Tokenizer(args: tokenizer::TokenizerArgs) => tokenizer::tokenizer(&args, output),
-    /// Train what motions are scored by, and see what it is worth
+    /// Train the evaluator that scores motions, and show its gates
     "train": Evaluator(args: evaluator::EvaluatorArgs) => evaluator::evaluator(&args, output),
-    /// Score the motions of a run, or those of files
+    /// Score motions of a run, or motions in files
     "train": Evaluate(args: evaluate::EvaluateArgs) => evaluate::evaluate(&args, output),
-    /// Scores that papers print, with the best runs of sweeps beside them
+    /// List scores from papers next to the best runs of sweeps
     Published(args: published::PublishedArgs) => published::published(&args, output),
-    /// Make motions of captions with a trained run
+    /// Generate motions from captions with a trained run
     "train": Generate(args: generate::GenerateArgs) => generate::generate(&args, output),
     /// Turn motions into codes with a trained tokenizer
     "train": Tokenize(args: tokenize::TokenizeArgs) => tokenize::tokenize(&args, output),
     /// Turn codes back into motions
     "train": Detokenize(args: detokenize::DetokenizeArgs) => detokenize::detokenize(&args, output),
-    /// The laws of several studies side by side, and what differs in their sweeps
+    /// Compare the laws of several studies, and list how their sweeps differ
     Compare(args: compare::CompareArgs) => compare::compare(&args, output),
     /// Make, check and count data sets
     Data(args: data::DataArgs) => data::data(&args, output),
-    /// A sweep's results as one page that opens without a network
+    /// Write a sweep's results as one HTML page that needs no network
     Report(args: report::ReportArgs) => report::report(&args, output),
     /// Write a sweep's results in another form
     Export(args: export::ExportArgs) => export::export(&args, output),
-    /// What this machine and this build can do
+    /// Check what this machine and this build can do
     "train": Doctor => doctor::doctor(output),
-    /// The JSON Schema of sweep files, for editors
+    /// Print the JSON Schema of sweep files, for editors
     Schema => completions::schema(output),
-    /// Print what completes commands in a shell
+    /// Print shell completions
     Completions(args: completions::CompletionsArgs) =>
         completions::completions(&args, Cli::command(), output),
     /// Write manual pages
@@ -160,7 +160,7 @@ impl Cli {
     }
 }
 
-/// What is written names files, and its documents hold UTF-8 alone.
+/// Checks that arguments are UTF-8: outputs name files, and JSON is UTF-8 only.
 ///
 /// # Errors
 /// The first word of the command line that is not UTF-8.

@@ -1,5 +1,5 @@
-//! [`Output`], where a command's words go: results to standard output, everything else to standard error; and
-//! tables, lists and counts as a person reads them; and how the program ends ([`Exit`]).
+//! [`Output`]: results go to standard output, everything else to standard error. Also tables, lists and counts as
+//! text, and exit codes ([`Exit`]).
 
 use isoflop::failure::Consequence;
 use isoflop::files::failure_kind;
@@ -20,17 +20,17 @@ use tracing_subscriber::EnvFilter;
 
 use super::args::Common;
 
-/// The three ways to speak: for people, `--json`, quiet.
+/// The modes of output: text, `--json`, quiet.
 pub struct Output {
     pub json: bool,
     pub quiet: bool,
-    /// Say everything, in place of one screen.
+    /// Print in full, in place of one screen.
     pub full: bool,
     warned: RefCell<Vec<String>>,
 }
 
 impl Output {
-    /// From the command line; also sets up logging to standard error.
+    /// Reads the command line, and sets up logging to standard error.
     pub fn new(common: &Common) -> Self {
         let level = match common.verbose {
             0 => "warn",
@@ -56,7 +56,7 @@ impl Output {
         }
     }
 
-    /// A result: the JSON document or the text for people, on standard output. A command that ends with it is done.
+    /// Prints the result, JSON or text, on standard output. A command that ends with this has succeeded.
     pub fn result(&self, json: &Value, text: &str) -> Result<Exit> {
         let mut out = std::io::stdout().lock();
         let written = if self.json {
@@ -71,7 +71,7 @@ impl Output {
         }
     }
 
-    /// A result of which only the form asked for is made: a document may be large.
+    /// Prints a result, building only the requested form: a document may be large.
     pub fn result_of(
         &self,
         json: impl FnOnce() -> Value,
@@ -80,16 +80,16 @@ impl Output {
         if self.json { self.result(&json(), "") } else { self.result(&Value::Null, &text()) }
     }
 
-    /// Something worth knowing that is no result.
+    /// Prints a note.
     pub fn note(&self, line: &str) {
         if !self.quiet {
             say(line);
         }
     }
 
-    /// Something that may be wrong.
+    /// Prints a warning.
     pub fn warn(&self, line: &str) {
-        say(&format!("warning: {line}"));
+        say(&format!("warning: {}", plain(line)));
         self.warned.borrow_mut().push(line.to_string());
     }
 
@@ -114,8 +114,8 @@ impl Tell for Output {
     }
 }
 
-/// Lines of a table, its columns two blanks apart and as wide as what stands in them: flush left if the head begins
-/// with `<`, else flush right. Without any head there is no first line.
+/// Lines of a table with columns two spaces apart: flush left if the head begins with `<`, else flush right. If all
+/// heads are empty, there is no first line.
 pub fn table<const N: usize>(
     heads: [&str; N],
     rows: impl IntoIterator<Item = [String; N]>,
@@ -135,7 +135,7 @@ pub fn table<const N: usize>(
     lines.iter().map(padded).collect()
 }
 
-/// How many of a list of `n` are not shown if `most` are; nothing if all are. `how` says where they can be seen.
+/// `and 3 more`, if only `most` of `n` items are shown; else empty. `how` says where to see the rest.
 pub fn more(n: usize, most: usize, how: &str) -> String {
     if n > most { format!("  and {} more{how}\n", n - most) } else { String::new() }
 }
@@ -145,12 +145,12 @@ pub fn many(n: usize, noun: &str) -> String {
     format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
 }
 
-/// What is known, as it is shown, or a dash.
+/// The text of a known value, or a dash.
 pub fn dash<T>(value: Option<T>, shown: impl FnOnce(T) -> String) -> String {
     value.map_or_else(|| "-".to_string(), shown)
 }
 
-/// The beginning of a line of `most` characters at most.
+/// A line, cut to at most `most` characters.
 pub fn clip(line: &str, most: usize) -> String {
     if line.chars().count() <= most {
         return line.to_string();
@@ -158,9 +158,9 @@ pub fn clip(line: &str, most: usize) -> String {
     line.chars().take(most - 1).chain(['…']).collect()
 }
 
-// Exit codes, lines on standard error, and how an error that ends the program is shown.
+// Exit codes, lines on standard error, and the final error of the program.
 
-/// What the program tells its caller.
+/// The exit codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
     Done = 0,
@@ -176,7 +176,7 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// Ends the program: with help where it was asked for, or with what is wrong with the command line.
+/// Ends the program with the requested help, or with the error of the command line.
 pub fn refuse(error: &clap::Error) -> ! {
     if error.use_stderr() && std::env::args_os().any(|arg| arg == "--json") {
         let message = error.to_string();
@@ -185,7 +185,7 @@ pub fn refuse(error: &clap::Error) -> ! {
     error.exit()
 }
 
-/// Shows an error on standard error, and with `--json` as a document on standard output; says how to exit.
+/// Prints an error on standard error, and with `--json` as a document on standard output; returns the exit code.
 pub fn report(error: &anyhow::Error, json: bool) -> Exit {
     let exit = told(error);
     if json {
@@ -201,11 +201,11 @@ pub fn report(error: &anyhow::Error, json: bool) -> Exit {
 /// An error as a document on standard output.
 fn document(message: &str, exit: Exit) {
     let document = json!({ "error": { "message": message, "exit": exit as u8 } });
-    // Nobody reads a pipe that is closed.
+    // The pipe may be closed.
     let _ = writeln!(std::io::stdout(), "{document:#}");
 }
 
-/// An error and what caused it, each said once: some messages hold their causes already.
+/// An error and its causes, each once: some messages contain their causes already.
 pub fn sentence(error: &anyhow::Error) -> String {
     let mut said = String::new();
     for cause in error.chain().map(ToString::to_string).filter(|cause| !cause.is_empty()) {
@@ -215,7 +215,16 @@ pub fn sentence(error: &anyhow::Error) -> String {
             said = format!("{said}: {cause}");
         }
     }
-    said
+    plain(&said)
+}
+
+/// Characters of an error, at most: a name in a damaged file may have no end.
+const LONGEST: usize = 2000;
+
+/// Words that may come of a file as a terminal may show them: without its control characters, and cut.
+fn plain(words: &str) -> String {
+    let blank = |c: char| if c.is_control() && !"\n\t".contains(c) { ' ' } else { c };
+    clip(&words.chars().map(blank).collect::<String>(), LONGEST)
 }
 
 fn told(error: &anyhow::Error) -> Exit {
@@ -227,7 +236,10 @@ fn told(error: &anyhow::Error) -> Exit {
     if let Some(kind) = failure_kind(error.as_ref())
         && kind.consequence() == Consequence::StopsAll
     {
-        say(&format!("  {}; then the same command goes on", kind.advice().unwrap_or("mend that")));
+        say(&format!(
+            "  {}; then the same command continues",
+            kind.advice().unwrap_or("mend that")
+        ));
         return Exit::SomeRunsFailed;
     }
     let unidentifiable = error.downcast_ref::<FitError>().is_some_and(FitError::is_unidentifiable)
@@ -235,12 +247,12 @@ fn told(error: &anyhow::Error) -> Exit {
     if unidentifiable { Exit::NotIdentifiable } else { Exit::Usage }
 }
 
-/// A line on standard error; that nobody reads it any more is no error.
+/// Prints a line on standard error; a closed pipe is no error.
 pub fn say(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
-/// Whether standard error is a terminal that colours are wanted on.
+/// Whether standard error is a terminal that may show colours.
 pub fn is_coloured() -> bool {
     std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
 }
@@ -257,6 +269,15 @@ mod tests {
         assert_eq!(table(["<name", "n", "<word"], rows.clone()), lines);
         let bare = lines.split_once('\n').expect("a head").1;
         assert_eq!(table(["<", "", "<"], rows), bare);
+    }
+
+    #[test]
+    fn words_of_a_damaged_file_do_not_reach_the_terminal_as_they_are() {
+        let error =
+            anyhow::anyhow!("no key `\u{1b}[31m{}`", "x".repeat(3000)).context("a.json:\nline 2");
+        let told = sentence(&error);
+        assert!(told.starts_with("a.json:\nline 2: no key ` [31mxx"), "{told}");
+        assert_eq!((told.chars().count(), told.chars().last()), (LONGEST, Some('…')));
     }
 
     #[test]

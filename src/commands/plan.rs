@@ -1,4 +1,4 @@
-//! `isoflop plan`: what a sweep will do and cost.
+//! `isoflop plan`: the runs and the cost of a sweep.
 
 use super::args::{a_card, not_negative};
 use super::context::{OpenSweep, SweepArgs, plan_sweep};
@@ -18,16 +18,16 @@ use rayon::prelude::*;
 pub struct PlanArgs {
     #[command(flatten)]
     pub sweep: SweepArgs,
-    /// Estimate hours and memory on this GPU, in place of the sweep's engine.gpu
+    /// Estimate hours and memory on this GPU, instead of the sweep's engine.gpu
     #[arg(long, value_name = "CARD", value_parser = a_card())]
     pub gpu: Option<&'static Card>,
-    /// Dollars that an hour of the GPU costs, as 2.5
+    /// Dollars per GPU hour, e.g. 2.5
     #[arg(long, value_name = "DOLLARS", value_parser = not_negative)]
     pub price: Option<f64>,
 }
 
 impl PlanArgs {
-    /// The GPU that is named here or in the sweep.
+    /// The GPU from the command line or the sweep.
     fn gpu(&self, open: &OpenSweep, output: &Output) -> Result<Option<Gpu>> {
         let OpenSweep { sweep, plan, folder } = open;
         let engine = sweep.engine.as_ref();
@@ -42,7 +42,7 @@ impl PlanArgs {
         if gpu.source == MfuSource::Reference && plan.runs.iter().any(|run| run.spec.is_users_own())
         {
             output.warn(&format!(
-                "hours on a {} are not known: how much of it your trainer uses is told by engine.mfu, as \
+                "hours on a {} are not known: give your trainer's utilisation as engine.mfu, as \
                  `--set engine.mfu=0.3`, or by a finished run",
                 card.name
             ));
@@ -64,8 +64,8 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     let jobs = missing_jobs(&plan, &folder);
     let on_gpu = gpu.as_ref().map(|gpu| GpuCost::new(gpu, args.price, &plan, &jobs));
     let slots = args.sweep.work.slots();
-    // At the speed of the folder's finished jobs, or else by a probe. How fast a user's trainer is, its finished runs
-    // alone can tell: `None` before there are any.
+    // By the speed of the folder's finished jobs, or else by a timing. The speed of a user's trainer is known from its
+    // finished runs alone: `None` before there are any.
     let is_built_in = plan.runs.iter().all(|run| run.spec.trainer.is_none());
     let probed = || is_built_in.then(|| Speed::measured_of(&jobs, &plan, &device, slots));
     let hours = match &on_gpu {
@@ -98,7 +98,7 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     output.result_of(document, text)
 }
 
-/// The plan as a JSON document, but for the hours, which are measured, and what is stale.
+/// The plan as JSON, without hours (which are measured) and stale runs.
 pub fn json(plan: &Plan, folder: &ResultsFolder, states: &RunStates) -> Value {
     let inputs = inputs(plan);
     let mut jobs: BTreeMap<JobKind, usize> = JobKind::ALL.map(|kind| (kind, 0)).into();
@@ -161,18 +161,18 @@ fn tokenizer_json(job: &TokenizerJob, folder: &ResultsFolder) -> Value {
     })
 }
 
-// [`GpuCost`]: what a plan's runs cost on a GPU: hours, dollars, memory.
+// [`GpuCost`]: hours, dollars and memory of a plan's runs on a GPU.
 
-/// The cost of a plan on one GPU, on which its runs follow one another.
+/// The cost of a plan on one GPU, one run at a time.
 pub struct GpuCost<'a> {
     gpu: &'a Gpu,
     plan: &'a Plan,
     /// Dollars an hour.
     price: Option<f64>,
     runs: Vec<RunCost<'a>>,
-    /// Hours of the trunks that runs share.
+    /// Hours of the trunks (training that runs share).
     trunk_hours: f64,
-    /// Hours of the jobs that are missing.
+    /// Hours of the missing jobs.
     pub hours_to_go: f64,
 }
 
@@ -203,7 +203,7 @@ impl<'a> GpuCost<'a> {
         }
     }
 
-    /// Hours of all runs and trunks, finished ones too.
+    /// Hours of all runs and trunks, including finished ones.
     fn hours(&self) -> f64 {
         self.trunk_hours + self.runs.iter().map(|cost| cost.hours).sum::<f64>()
     }
@@ -243,7 +243,7 @@ impl<'a> GpuCost<'a> {
     pub fn table(&self) -> String {
         let mut by_budget: BTreeMap<u64, Vec<&RunCost>> = BTreeMap::new();
         for cost in &self.runs {
-            // Numbers above 0 are in the order of their bits.
+            // Positive numbers are ordered like their bits.
             by_budget.entry(cost.run.spec.budget_flops.to_bits()).or_default().push(cost);
         }
         let dollars = |hours: f64| self.price.map(|price| format!("{:.2}", price * hours));
@@ -268,7 +268,7 @@ impl<'a> GpuCost<'a> {
         table(heads, by_budget.iter().map(of_budget).chain(trunks).chain([all]))
     }
 
-    /// What the plan costs and what that rests on, and whether its runs fit.
+    /// The cost of the plan with its basis, and whether its runs fit.
     pub fn sentences(&self) -> String {
         let Self { gpu, plan, price, .. } = self;
         let (card, hours) = (gpu.card, self.hours());
@@ -284,7 +284,7 @@ impl<'a> GpuCost<'a> {
             flops(plan),
             card.name,
             dollars.unwrap_or_default(),
-            // Sums in another order differ in their last digits.
+            // Sums in a different order differ in their last digits.
             if self.hours_to_go < 0.999999 * hours { to_go.as_str() } else { "" },
             memory.unwrap_or_default(),
             percent(range(&self.runs)),
@@ -292,10 +292,10 @@ impl<'a> GpuCost<'a> {
         );
         let is_f32 = plan.runs.iter().any(|run| run.spec.precision == Precision::F32);
         let of_bf16 = is_f32.then_some(
-            "hours are those of train.precision: bf16, memory is that of f32, which the sweep has",
+            "hours are for train.precision: bf16; memory is for f32, the sweep's precision",
         );
         let apart = !plan.tokenizers.is_empty();
-        let apart = apart.then_some("tokenizers are trained on processors and not counted");
+        let apart = apart.then_some("tokenizers are trained on CPUs and not counted");
         let large = too_large(card, &plan.runs);
         let notes: Vec<&str> = of_bf16.into_iter().chain(apart).collect();
         let notes = (!notes.is_empty()).then(|| notes.join("; "));

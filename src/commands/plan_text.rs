@@ -1,4 +1,4 @@
-//! The plan as a person reads it.
+//! The plan as text.
 
 use super::prelude::*;
 use isoflop::data::MemberFacts;
@@ -20,11 +20,11 @@ pub fn text(plan: &Plan, states: &RunStates, stale: &[Stale], table: &str, cost:
     out + "\n" + cost
 }
 
-/// What the plan takes: FLOPs, time, memory, disk.
+/// The cost of the plan: FLOPs, time, memory, disk.
 pub fn cost(plan: &Plan, hours: Option<f64>, slots: usize) -> String {
     let hours = hours.map_or_else(
         || "time unknown before the trainer's first run is done".to_string(),
-        |hours| format!("{} to go with {slots} jobs side by side", time(hours)),
+        |hours| format!("{} to go with {slots} parallel jobs", time(hours)),
     );
     let peaks: Option<Vec<u64>> = plan.runs.iter().map(PlannedRun::known_peak_bytes).collect();
     let memory = match peaks {
@@ -37,7 +37,7 @@ pub fn cost(plan: &Plan, hours: Option<f64>, slots: usize) -> String {
     wrap("", &format!("{}; {hours}{memory}", flops(plan)))
 }
 
-/// What the runs cost together, and what they save where they share trunks.
+/// The FLOPs of all runs, and the saving if they share trunks.
 pub fn flops(plan: &Plan) -> String {
     let (alone, trained) = (plan.total_flops(), plan.trained_flops());
     if plan.trunks.is_empty() {
@@ -88,7 +88,7 @@ fn head(plan: &Plan, states: &RunStates) -> String {
     out + "\n"
 }
 
-/// A data set of a union.
+/// One data set of a union.
 fn told(MemberFacts { name, licence, clips, frames, fps, .. }: &MemberFacts) -> String {
     let minutes = frames.iter().sum::<usize>() as f64 / f64::from(*fps) / 60.0;
     let [train, val, test] = clips;
@@ -210,17 +210,17 @@ pub fn bytes(n: u64) -> String {
     }
 }
 
-// Finished runs that a sweep no longer wants, and the settings that made them so.
+// Stale runs: finished, but under settings that the sweep no longer has.
 
-/// Finished runs of cells that the plan still has, under another id.
+/// Finished runs of cells that the plan has under another id.
 #[derive(Serialize)]
 pub struct Stale {
     pub runs: usize,
-    /// What differs: `lr`, `model.d_ff`, `tokenizer.width`, `data_digest`.
+    /// The fields that differ: `lr`, `model.d_ff`, `tokenizer.width`, `data_digest`.
     pub fields: Vec<String>,
 }
 
-/// What lies in the folder and is out of date, by what differs.
+/// The stale runs of a folder, grouped by the fields that differ.
 pub fn stale(plan: &Plan, folder: &ResultsFolder) -> Vec<Stale> {
     let finished = finished_specs(folder);
     if finished.is_empty() {
@@ -238,7 +238,7 @@ pub fn stale(plan: &Plan, folder: &ResultsFolder) -> Vec<Stale> {
     runs.into_iter().map(|(fields, runs)| Stale { runs, fields }).collect()
 }
 
-/// What makes two runs the same cell of a grid: layers, width, V, budget, share and seed.
+/// The key of a cell of the grid: layers, width, V, budget, share and seed.
 type CellKey = (usize, usize, usize, [u64; 2], u64);
 
 fn cell(spec: &RunSpec) -> CellKey {
@@ -246,7 +246,7 @@ fn cell(spec: &RunSpec) -> CellKey {
     (spec.shape().n_layer, spec.shape().d_model, spec.n_vocab(), spent, spec.seed)
 }
 
-/// The fields that differ, ids replaced by what they stand for.
+/// The fields that differ, with ids replaced by their contents.
 fn fields(plan: &Plan, folder: &ResultsFolder, run: &PlannedRun, old: &RunSpec) -> Vec<String> {
     let mut fields = changed_fields(&run.spec, old);
     let has = |fields: &[String], name: &str| fields.iter().any(|field| field == name);
@@ -265,11 +265,11 @@ fn fields(plan: &Plan, folder: &ResultsFolder, run: &PlannedRun, old: &RunSpec) 
     fields
 }
 
-/// Nothing where the old tokenizer's job is gone.
+/// Empty if the old tokenizer's job is gone.
 fn tokenizer_fields(folder: &ResultsFolder, new: &TokenizerJob, old_id: &str) -> Vec<String> {
     let path = folder.tokenizer(old_id).join("job.json");
     let Ok(Some(old)) = read_if_there::<TokenizerJob>(&path) else { return Vec::new() };
-    // A sweep file has the keys of training beside those of the kind.
+    // In a sweep file, training keys and keys of the kind are on one level.
     let named = |field: String| match field.strip_prefix("spec.") {
         Some(setting) => format!("tokenizer.{}", setting.trim_start_matches("training.")),
         None => field,

@@ -1,5 +1,5 @@
-//! `isoflop plot`: every figure of a sweep again, from its table and laws alone; those of a table made
-//! elsewhere or of a `laws.json`, as far as it holds what they show.
+//! `isoflop plot`: redraws the figures of a sweep from its table and laws, or draws those that another table or a
+//! `laws.json` allows.
 
 use super::args::one_of;
 use super::fit;
@@ -17,7 +17,7 @@ pub struct PlotArgs {
     /// A sweep's folder, a table of runs made elsewhere (.csv, .tsv, .parquet), or a laws.json
     #[arg(value_name = "RESULTS|TABLE|LAWS")]
     pub results: PathBuf,
-    /// The folder to draw into; `figures` of a sweep's folder, or NAME-figures beside a table
+    /// The folder to draw into; by default `figures` in a sweep's folder, or NAME-figures next to a table
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -29,13 +29,13 @@ pub struct PlotArgs {
 /// The figure of several generators side by side.
 const SIDE_BY_SIDE: &str = "generators";
 
-/// Which figures are drawn, and as what: all that can be, in every format, by default.
+/// The figures to draw and their formats; by default all possible figures in every format.
 #[derive(Args, Default)]
 pub struct Wanted {
-    /// Draw these figures alone, by the names of their files
+    /// Draw only these figures, by file name
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     only: Vec<String>,
-    /// Write files of these kinds alone
+    /// Write only these formats
     #[arg(long, value_parser = one_of(FORMATS), value_name = "FORMAT", value_delimiter = ',')]
     format: Vec<Format>,
 }
@@ -78,7 +78,7 @@ pub fn plot(args: &PlotArgs, output: &Output) -> Result<Exit> {
 fn of_sweep(args: &PlotArgs, output: &Output) -> Result<Vec<PathBuf>> {
     if args.out.is_some() || args.table != TableArgs::default() {
         bail!(
-            "a sweep is drawn into its own folder, from all of its runs: --out and the table's options are of a table"
+            "a sweep is drawn into its own folder, from all of its runs: --out and the options of a table are for tables only"
         );
     }
     not_of_groups(&args.results)?;
@@ -121,8 +121,8 @@ fn of_one_generator(
     let home = home(folder);
     let tokenizers = tokenizers(&home, output)?;
     let mut records = Tuned::of(records).records;
-    // At equal FLOPs by the rule of the laws, where the sweep was planned by another. A table and its laws are drawn
-    // without the sweep too.
+    // Runs are moved to equal FLOPs if the laws count by another rule than the plan. A table and its laws are drawn
+    // without a sweep too.
     let planned = home.sweep().ok().map(|sweep| sweep.flops.rule);
     let counted = laws.as_ref().and_then(|laws| FlopsRule::named(&laws.flops_rule));
     if let (Some(planned), Some(counted)) = (planned, counted)
@@ -138,8 +138,7 @@ pub fn tokenizers(folder: &ResultsFolder, output: &Output) -> Result<Vec<Tokeniz
     Ok(folder.all_metrics(|problem| output.warn(&problem))?)
 }
 
-/// Draws into the sweep's `figures` folder; what cannot be drawn is a warning, and an older file
-/// that showed it is removed.
+/// Draws into the sweep's `figures` folder. A figure that cannot be drawn is a warning, and its older file is removed.
 pub fn draw(
     folder: &ResultsFolder,
     records: &[RunRecord],
@@ -169,16 +168,16 @@ fn draw_into(
     Ok(drawn)
 }
 
-// What follows from records: table, laws, figures, predictions.
+// Results of records: table, laws, figures, predictions.
 
-/// What follows from records, made or found in the folder; the tokenizers of the runs lie in `home`.
+/// The results of records, made or found in the folder; `home` has the tokenizers of the runs.
 pub fn analysed(
     sweep: &Sweep,
     (folder, home): (&ResultsFolder, &ResultsFolder),
     records: &[RunRecord],
     output: &Output,
 ) -> Result<Finished> {
-    // Changes whenever something else would be said or written.
+    // Changes whenever the output would change.
     let stamp = content_id(&(records, sweep, folder.root(), env!("ISOFLOP_GIT_REVISION")));
     if let Some(finished) = Finished::again(folder, &stamp, output)? {
         return Ok(finished);
@@ -220,7 +219,7 @@ pub fn analysed(
     Ok(finished)
 }
 
-/// Removes what an earlier state of the sweep had: it would be taken for this one's own.
+/// Removes files of an earlier state of the sweep, which would be taken for current ones.
 pub fn forget(folder: &ResultsFolder) -> Result<()> {
     for file in ["laws.json", "prediction.json", "finished.json"] {
         atomic::remove(&folder.file(file))?;
@@ -248,11 +247,11 @@ fn write_laws(
     }
 }
 
-// `finished.json`: what `isoflop run` made of its records, so that it is not made again.
+// `finished.json`: a digest of the results, so that unchanged ones are not made again.
 
 const FILES: [&str; 4] = ["runs.parquet", "runs.csv", "laws.json", "prediction.json"];
 
-/// What `run` said when it last made something of its records, and what it wrote.
+/// The text and the files of the last `run`.
 #[derive(Serialize, Deserialize)]
 pub struct Finished {
     /// Hash of the records, the sweep, the folder's name and the revision of the program.
@@ -268,8 +267,7 @@ pub struct Finished {
 }
 
 impl Finished {
-    /// What was said of the same records, with its warnings; `None` where anything has changed
-    /// since: the records, the sweep, or a file that was written.
+    /// The text of the same records, with its warnings; `None` if the records, the sweep or a written file has changed.
     pub fn again(folder: &ResultsFolder, stamp: &str, output: &Output) -> Result<Option<Self>> {
         let Ok(Some(finished)) = read_if_there::<Self>(&folder.file("finished.json")) else {
             return Ok(None);
@@ -282,7 +280,7 @@ impl Finished {
     }
 }
 
-/// Digests of the tables, the laws, the prediction and every figure that is there.
+/// Digests of the tables, the laws, the prediction and every figure in the folder.
 fn digests(folder: &ResultsFolder) -> Result<BTreeMap<String, String>> {
     let mut names: Vec<String> = FILES.map(String::from).to_vec();
     for figure in std::fs::read_dir(folder.file("figures")).into_iter().flatten() {

@@ -12,7 +12,7 @@ use isoflop::words::prediction::{said, sized_text};
 /// Shown below the options.
 const EXAMPLES: &str = "\
 Examples:
-  The optimum for two budgets by a sweep's laws, and by the published one
+  The optimum for two budgets by a sweep's laws, and for one by the published law
     isoflop predict 1e14,1e15 --law results/NAME
     isoflop predict 1e18 --law scamo
 
@@ -23,7 +23,7 @@ Examples:
 #[derive(Args)]
 #[command(after_help = EXAMPLES)]
 pub struct PredictArgs {
-    /// Budgets in FLOPs, as in 1e18 or 1e18,1e19
+    /// Budgets in FLOPs, e.g. 1e18 or 1e18,1e19
     #[arg(
         required_unless_present = "params",
         conflicts_with = "params",
@@ -35,7 +35,7 @@ pub struct PredictArgs {
     /// A sweep's folder, a laws.json, or scamo for the published law
     #[arg(long, value_name = "RESULTS|FILE|scamo")]
     pub law: Option<String>,
-    /// Distinct tokens to train on, where that is not the sweep's own data, as in 2e6
+    /// Distinct tokens to train on, if not those of the sweep's data, e.g. 2e6
     #[arg(long, value_name = "U", value_parser = budget)]
     pub unique_tokens: Option<f64>,
     #[command(flatten)]
@@ -70,7 +70,7 @@ pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
     output.result(&serde_json::to_value(&predictions)?, &text)
 }
 
-/// The prediction, with a sentence where it is of other data than the sweep's.
+/// The prediction, with a warning if it is for other data than the sweep's.
 fn on_other_data(mut said: Prediction, own: &Laws, unique_tokens: Option<f64>) -> Prediction {
     let tried = own.judgement.tried.and_then(|tried| tried.unique_tokens);
     if let (Some(asked), Some(tried)) = (unique_tokens, tried) {
@@ -83,7 +83,7 @@ fn on_other_data(mut said: Prediction, own: &Laws, unique_tokens: Option<f64>) -
     said
 }
 
-/// Predicts with FLOPs counted by the rule that the laws are written in, where they can be.
+/// Predicts with FLOPs counted by the rule of the laws, if possible.
 pub fn predict_one(laws: &Laws, budget: f64) -> Result<Prediction, PredictError> {
     let shapes = predict::ladder_of(laws);
     let options = PredictOptions { shapes: &shapes, ..PredictOptions::default() };
@@ -97,7 +97,7 @@ pub fn predict_one(laws: &Laws, budget: f64) -> Result<Prediction, PredictError>
     }
 }
 
-/// Predicts each budget; one that the laws cannot predict is a warning.
+/// Predicts each budget; a budget that the laws cannot predict is a warning.
 pub fn each(laws: &Laws, budgets: &[f64], output: &Output) -> Vec<Prediction> {
     let predicted = |budget: &f64| {
         let failed = |error: &PredictError| {
@@ -108,18 +108,18 @@ pub fn each(laws: &Laws, budgets: &[f64], output: &Output) -> Vec<Prediction> {
     budgets.iter().filter_map(predicted).collect()
 }
 
-// `isoflop predict --params N --tokens D`: the loss of a model that need not be the optimum.
+// `isoflop predict --params N --tokens D`: the loss of a given model.
 
 #[derive(Args, Clone, Copy)]
 #[command(next_help_heading = "Loss of a given model")]
 struct SizedArgs {
-    /// N of a model whose loss is asked for, in place of an optimum; N_nv if the law tells N_v apart
+    /// N of a given model, to predict its loss; N_nv if the law has N_v
     #[arg(long, value_name = "N", value_parser = amount, requires = "tokens")]
     params: Option<f64>,
-    /// D, the tokens that it is trained on
+    /// D, its training tokens
     #[arg(long, value_name = "D", value_parser = amount, requires = "params")]
     tokens: Option<f64>,
-    /// V, for the laws of a sweep of several vocabularies
+    /// V, for the laws of a sweep with several vocabularies
     #[arg(long, value_name = "V", value_parser = amount, requires = "params")]
     vocab: Option<f64>,
     /// N_v in place of V
@@ -135,7 +135,7 @@ fn amount(text: &str) -> Result<f64, String> {
     }
 }
 
-// The count of FLOPs by which a sweep's prediction is brought onto its budget.
+// The count of FLOPs that scales a sweep's prediction onto its budget.
 
 /// Training FLOPs by ScaMo's Code 1 along a ladder of shapes: what a token costs beside
 /// its vocabulary is interpolated between rungs, in logarithms of N_nv; a code is chosen among
@@ -179,12 +179,12 @@ fn interpolate(points: &[(f64, f64)], x: f64) -> f64 {
     y0 + (y1 - y0) * (x - x0) / (x1 - x0)
 }
 
-// The laws that a command line names.
+// The laws named on the command line.
 
-/// Laws at hand that are named where none was chosen.
+/// Laws at hand that are listed if none was chosen.
 const MOST_NAMED: usize = 3;
 
-/// The published law, or those of a sweep's folder or of a file.
+/// The published law, or the laws of a sweep's folder or of a file.
 pub fn laws_named(law: &str) -> Result<Laws> {
     if law == "scamo" { Ok(scamo()) } else { laws_of(Path::new(law)) }
 }
@@ -210,7 +210,7 @@ pub fn laws_of(path: &Path) -> Result<Laws> {
     }
 }
 
-/// Refuses a folder of laws alone, as `isoflop fit TABLE --by COLUMN --out FOLDER` writes it.
+/// Refuses a folder of groups' laws, written by `isoflop fit TABLE --by COLUMN --out FOLDER`.
 pub fn not_of_groups(folder: &Path) -> Result<()> {
     let of_sweep = ["sweep.yaml", "runs.parquet", "runs.csv", "laws.json", "generators"];
     if of_sweep.iter().any(|name| folder.join(name).exists()) {
@@ -226,9 +226,9 @@ pub fn not_of_groups(folder: &Path) -> Result<()> {
     }
 }
 
-/// The error where no law is named: the choices, with the laws that lie where the program was started.
+/// The error if no law is named: the choices, with the laws in the working directory.
 fn missing() -> anyhow::Error {
-    // Where laws lie below the working directory, sorted: sweeps in `results`, and `laws.json`.
+    // Laws below the working directory, sorted: sweeps in `results`, and `laws.json`.
     let entries = std::fs::read_dir("results").into_iter().flatten().flatten();
     let folders = entries.map(|entry| entry.path()).filter(|path| path.join("laws.json").exists());
     let mut found: Vec<String> = folders.map(|path| path.display().to_string()).collect();

@@ -1,4 +1,4 @@
-//! What nearly every command needs, imported at once by `use super::prelude::*`.
+//! Common imports of commands, by `use super::prelude::*`.
 
 pub use std::collections::BTreeMap;
 pub use std::fmt::Write as _;

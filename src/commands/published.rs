@@ -7,9 +7,9 @@ use isoflop::scores::published::{self, EVALUATORS, Printed, Row, TABLES};
 
 #[derive(Args)]
 pub struct PublishedArgs {
-    /// Sweeps' folders with scores: the best run of each generator by FID is shown beside the rest
+    /// Sweeps' folders with scores: adds the best run by FID of each generator
     pub results: Vec<PathBuf>,
-    /// Only rows of this data set, as HumanML3D
+    /// Only rows of this data set, e.g. HumanML3D
     #[arg(long)]
     pub dataset: Option<String>,
     /// Only this table, as CSV
@@ -48,7 +48,7 @@ pub fn published(args: &PublishedArgs, output: &Output) -> Result<Exit> {
     output.result(&json!({ "rows": rows, "sources": published::SOURCES }), &text)
 }
 
-/// The run of the lowest FID of each generator.
+/// The run with the lowest FID of each generator.
 fn best(runs: &[ScoredRun]) -> impl Iterator<Item = &ScoredRun> {
     let fid = |run: &ScoredRun| run.score("fid").map_or(f64::INFINITY, |[mean, _]| mean);
     let mut best: BTreeMap<&str, &ScoredRun> = BTreeMap::new();

@@ -1,5 +1,5 @@
-//! `isoflop report`: results as one page that opens without a network: a sweep's, or those of a table
-//! made elsewhere or of a `laws.json`, as far as it holds what the page shows.
+//! `isoflop report`: writes one HTML page on a sweep, on a table made elsewhere or on a `laws.json`; it needs no
+//! network.
 
 use super::fit::{TableArgs, TableStudy, beside};
 use super::generators::{home, parted};
@@ -7,6 +7,7 @@ use super::predict::not_of_groups;
 use super::prelude::*;
 use super::{fit, plot, predict};
 use isoflop::data::{self, Split, read_motion};
+use isoflop::figures::motion::not_drawn;
 use isoflop::figures::{Format, draw_all};
 use isoflop::motion::{Pose, recover_joints};
 use isoflop::plan::demand;
@@ -20,7 +21,7 @@ pub struct ReportArgs {
     /// A sweep's folder, a table of runs made elsewhere (.csv, .tsv, .parquet), or a laws.json
     #[arg(value_name = "RESULTS|TABLE|LAWS")]
     pub results: PathBuf,
-    /// The file to write; by default report.html in the sweep's folder, or NAME.html beside a table
+    /// The file to write; by default report.html in the sweep's folder, or NAME.html next to a table
     #[arg(long)]
     pub out: Option<PathBuf>,
     #[command(flatten)]
@@ -33,27 +34,31 @@ pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
         return written(args, beside(&args.results, ".html"), &html, output);
     }
     if args.table != TableArgs::default() {
-        bail!("a sweep's page is of all of its runs: --columns, --where and --law are of a table");
+        bail!(
+            "a sweep's page shows all of its runs: --columns, --where and --law are for tables only"
+        );
     }
     not_of_groups(&args.results)?;
     let folder = ResultsFolder::new(&args.results);
     let home = home(&folder);
     let records = runs::read(folder.root())?;
-    let generators = of_each(&folder, &records)?;
+    let generators = of_each(&folder, &records, output)?;
     let several = generators.len() > 1;
+    let (samples, not_shown) = samples(&home, &records)?;
     let html = page(&ReportInput {
         name: &folder.name(),
         studies: &generators.iter().map(GeneratorResults::study).collect::<Vec<_>>(),
-        samples: &samples(&home, &records)?,
+        samples: &samples,
+        not_shown: &not_shown,
         tokenizers: &plot::tokenizers(&home, output)?,
-        figures: &if several { kept_figures(&folder.file("figures"))? } else { Vec::new() },
+        figures: &if several { kept_figures(&folder.file("figures"), output)? } else { Vec::new() },
         sweep: &text(&home.file("sweep.yaml"))?,
         dropped: &dropped(&home)?,
     });
     written(args, folder.file("report.html"), &html, output)
 }
 
-/// Writes the page to the file asked for, or to the usual one.
+/// Writes the page to the requested file, or to the default one.
 fn written(args: &ReportArgs, usual: PathBuf, html: &str, output: &Output) -> Result<Exit> {
     let path = args.out.clone().unwrap_or(usual);
     atomic::write_bytes(&path, html.as_bytes())?;
@@ -63,7 +68,7 @@ fn written(args: &ReportArgs, usual: PathBuf, html: &str, output: &Output) -> Re
 
 // The page of a table made elsewhere, or of a `laws.json`.
 
-/// The page as HTML; what cannot be drawn is a note.
+/// The page as HTML; a figure that cannot be drawn is a note.
 fn page_of(path: &Path, args: &TableArgs, output: &Output) -> Result<String> {
     let study = TableStudy::open(path, args, output)?;
     let folder = tempfile::tempdir().context("making a folder for the figures")?;
@@ -72,12 +77,14 @@ fn page_of(path: &Path, args: &TableArgs, output: &Output) -> Result<String> {
         output.note(&format!("{} is left out: {}", left_out.name, left_out.reason));
     }
     let loss_name = study.loss_name().map(String::from);
-    let mut own = GeneratorResults::new(study.laws, &[], study.records, folder.path())?;
+    let mut own =
+        GeneratorResults::new(study.laws, &[], study.records, kept_figures(folder.path(), output)?);
     own.loss_name = loss_name;
     Ok(page(&ReportInput {
         name: &study.name,
         studies: &[own.study()],
         samples: &[],
+        not_shown: &[],
         tokenizers: &[],
         figures: &[],
         sweep: "",
@@ -87,16 +94,16 @@ fn page_of(path: &Path, args: &TableArgs, output: &Output) -> Result<String> {
 
 // The results of one generator of a sweep, for its page.
 
-/// The slider ends at so many times the largest budget that laws were fitted to.
+/// The slider ends at this factor times the largest fitted budget.
 const FARTHEST: f64 = 1000.0;
 
-/// Budgets of a decade: rounded, ten of about the same ratio.
+/// Budgets of the slider per decade: ten rounded numbers with about equal ratios.
 const STEPS: [f64; 10] = [1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0, 6.3, 8.0];
 
-/// The runs of one generator, and what its folder says of them.
+/// The runs of one generator, and the results in its folder.
 struct GeneratorResults {
     generator: Option<String>,
-    /// What the loss is called, if it is not L_u.
+    /// The name of the loss, if it is not L_u.
     pub loss_name: Option<String>,
     verdict: String,
     laws: Option<Laws>,
@@ -106,30 +113,31 @@ struct GeneratorResults {
 }
 
 impl GeneratorResults {
-    /// Runs that bear `laws`, or none, with predictions for the slider and for the budgets that were `told`.
+    /// Runs with their `laws`, if any, and predictions for the slider and for the budgets in `told`.
     pub fn new(
         laws: Option<Laws>,
         told: &[Prediction],
         records: Vec<RunRecord>,
-        figures: &Path,
-    ) -> Result<Self> {
+        figures: Vec<Figure>,
+    ) -> Self {
         let verdict = laws.as_ref().map_or_else(
-            || "The runs bear no laws; `isoflop fit` says why.".to_string(),
+            || "No laws could be fitted; `isoflop fit` says why.".to_string(),
             |laws| fit::text(laws, &[], false),
         );
         let predictions = laws.as_ref().map(|laws| along(laws, told)).unwrap_or_default();
-        let (generator, loss_name, figures) = (None, None, kept_figures(figures)?);
-        Ok(Self { generator, loss_name, verdict, laws, predictions, records, figures })
+        let (generator, loss_name) = (None, None);
+        Self { generator, loss_name, verdict, laws, predictions, records, figures }
     }
 
-    fn read(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Self> {
+    fn read(folder: &ResultsFolder, records: &[RunRecord], output: &Output) -> Result<Self> {
         let laws = read_if_there(&folder.file("laws.json"))?;
         let told: Option<Vec<Prediction>> = read_if_there(&folder.file("prediction.json"))?;
         let (told, records) = (told.unwrap_or_default(), Tuned::of(records).records);
-        Self::new(laws, &told, records, &folder.file("figures"))
+        let figures = kept_figures(&folder.file("figures"), output)?;
+        Ok(Self::new(laws, &told, records, figures))
     }
 
-    /// What the page shows of it.
+    /// Its contents on the page.
     pub fn study(&self) -> Study<'_> {
         Study {
             generator: self.generator.as_deref(),
@@ -144,19 +152,23 @@ impl GeneratorResults {
 }
 
 /// One of a sweep with one generator, and else one for each, of its own folder.
-fn of_each(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<GeneratorResults>> {
+fn of_each(
+    folder: &ResultsFolder,
+    records: &[RunRecord],
+    output: &Output,
+) -> Result<Vec<GeneratorResults>> {
     let parted = parted(records);
     if parted.len() < 2 {
-        return Ok(vec![GeneratorResults::read(folder, records)?]);
+        return Ok(vec![GeneratorResults::read(folder, records, output)?]);
     }
     let own = |(name, records): (String, Vec<RunRecord>)| {
-        let own = GeneratorResults::read(&folder.of_generator(&name), &records)?;
+        let own = GeneratorResults::read(&folder.of_generator(&name), &records, output)?;
         Ok(GeneratorResults { generator: Some(name), ..own })
     };
     parted.into_iter().map(own).collect()
 }
 
-/// Predictions for the slider: rounded budgets from the first fitted one on, and those of the sweep.
+/// Predictions for the slider: rounded budgets from the first fitted one on, and the sweep's own.
 fn along(laws: &Laws, told: &[Prediction]) -> Vec<Prediction> {
     let [first, last] = laws.range();
     if first >= last {
@@ -173,36 +185,50 @@ fn along(laws: &Laws, told: &[Prediction]) -> Vec<Prediction> {
     budgets.into_iter().filter_map(|budget| predict::predict_one(laws, budget).ok()).collect()
 }
 
-// What a folder of results keeps, for its page.
+// Files of a results folder, for its page.
 
-/// The figures of a folder, by name; none where there is no folder.
-fn kept_figures(folder: &Path) -> Result<Vec<Figure>> {
+/// The figures of a folder, by name; none where there is no folder. What isoflop does not draw is left out, with a
+/// warning.
+fn kept_figures(folder: &Path, output: &Output) -> Result<Vec<Figure>> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let is_drawing = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "svg");
     let paths: BTreeSet<PathBuf> = entries.map(|entry| entry.path()).filter(is_drawing).collect();
-    let read = |path: &PathBuf| {
+    let mut figures = Vec::new();
+    for path in paths {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Figure { name, svg: text(path)? })
-    };
-    paths.iter().map(read).collect()
+        match Figure::read(name, &text(&path)?) {
+            Ok(figure) => figures.push(figure),
+            Err(reason) => output.warn(&format!(
+                "{} is left out of the page, since it is no figure of isoflop's: {reason}; `isoflop plot` draws \
+                 figures anew",
+                path.display()
+            )),
+        }
+    }
+    Ok(figures)
 }
 
-/// A file's text; empty where there is none.
+/// A file's text; empty without the file.
 fn text(path: &Path) -> Result<String> {
     Ok(read_text_if_there(path)?.unwrap_or_default())
 }
 
-/// The cells that were not run, each in a line; none where no plan is kept.
+/// The cells that were not run, one per line; none without a plan.
 fn dropped(folder: &ResultsFolder) -> Result<Vec<String>> {
-    let plan: Option<Value> = read_if_there(&folder.file("plan.json"))?;
-    let line = |cell: &Value| {
-        let facts = cell.as_object().into_iter().flatten();
-        let facts = facts.filter(|(key, value)| *key != "reason" && !value.is_null());
+    /// What is read of it.
+    #[derive(Deserialize)]
+    struct Planned {
+        #[serde(default)]
+        dropped: Vec<serde_json::Map<String, Value>>,
+    }
+    let plan: Option<Planned> = read_if_there(&folder.file("plan.json"))?;
+    let line = |cell: &serde_json::Map<String, Value>| {
+        let facts = cell.iter().filter(|(key, value)| *key != "reason" && !value.is_null());
         let facts: Vec<String> = facts.map(|(key, value)| format!("{key} {value}")).collect();
-        format!("{}: {}", facts.join(", "), cell["reason"].as_str().unwrap_or_default())
+        let reason = cell.get("reason").and_then(Value::as_str);
+        format!("{}: {}", facts.join(", "), reason.unwrap_or_default())
     };
-    let cells = plan.as_ref().and_then(|plan| plan["dropped"].as_array());
-    Ok(cells.into_iter().flatten().map(line).collect())
+    Ok(plan.iter().flat_map(|plan| &plan.dropped).map(line).collect())
 }
 
 // Motions of a sweep's folder, for its page.
@@ -210,15 +236,21 @@ fn dropped(folder: &ResultsFolder) -> Result<Vec<String>> {
 /// Motions that a page shows.
 const SHOWN: usize = 6;
 
-/// What is read of `motions.json`.
+/// The part of `motions.json` that is read.
 #[derive(Deserialize)]
 struct Made {
     caption: String,
     fps: f64,
 }
 
+/// Frames of a motion that a page shows, at most: it holds the place of every joint.
+const MOST_FRAMES: usize = 2400;
+
+/// Motions that a page shows, and a sentence on each that it cannot show.
+type Samples = (Vec<Sample>, Vec<String>);
+
 /// The first motions of the run of the lowest L_u that made some; none where no run did.
-fn samples(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<Sample>> {
+fn samples(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Samples> {
     let with_loss = |record| Some((record, RunRecord::loss_normalised(record).ok()?));
     let mut by_loss: Vec<(&RunRecord, f64)> = records.iter().filter_map(with_loss).collect();
     by_loss.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -231,26 +263,43 @@ fn samples(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<Sample>>
             }
         }
     }
-    Ok(Vec::new())
+    Ok((Vec::new(), Vec::new()))
 }
 
-fn of_run(home: &ResultsFolder, id: &str, place: &Path, made: Vec<Made>) -> Result<Vec<Sample>> {
+fn of_run(home: &ResultsFolder, id: &str, place: &Path, made: Vec<Made>) -> Result<Samples> {
     let files = (0..).map(|n| place.join(format!("{n}.features.npy")));
     let kept = files.zip(made).filter(|(path, _)| path.exists());
     let kept: Vec<(PathBuf, Made)> = kept.take(SHOWN).collect();
     let captions: Vec<&str> = kept.iter().map(|(_, made)| made.caption.as_str()).collect();
     let mut truth = truth(home, &captions);
-    let read = |(path, Made { caption, fps }): (PathBuf, Made)| {
+    let (mut samples, mut not_shown) = (Vec::new(), Vec::new());
+    for (path, Made { caption, fps }) in kept {
         let features =
             read_motion(&path, fps).with_context(|| format!("reading {}", path.display()))?;
         let (poses, truth) = (recover_joints(&features), truth.remove(&caption));
-        Ok(Sample { caption, run_id: id.to_string(), fps, poses, truth })
-    };
-    kept.into_iter().map(read).collect()
+        let mut can_be_shown = |what: &str, poses: &[Pose]| {
+            let reason = hindrance(poses);
+            let sentence =
+                |reason: &String| format!("{what} of \"{caption}\" is not shown: {reason}.");
+            not_shown.extend(reason.iter().map(sentence));
+            reason.is_none()
+        };
+        let truth = truth.filter(|truth| can_be_shown("The true motion", truth));
+        if can_be_shown(&format!("The motion that run {id} made"), &poses) {
+            samples.push(Sample { caption, run_id: id.to_string(), fps, poses, truth });
+        }
+    }
+    Ok((samples, not_shown))
 }
 
-/// The true motion of each caption, of the first clip of the test split that has it; none where the data are not
-/// at hand.
+/// Why a page does not show a motion; `None` if it can.
+fn hindrance(poses: &[Pose]) -> Option<String> {
+    let n = poses.len();
+    let long = || (n > MOST_FRAMES).then(|| format!("it has {n} frames, more than {MOST_FRAMES}"));
+    long().or_else(|| not_drawn(poses))
+}
+
+/// The true motion of each caption, from the first clip of the test split with it; none without the data.
 fn truth(folder: &ResultsFolder, captions: &[&str]) -> HashMap<String, Vec<Pose>> {
     let Ok(sweep) = folder.sweep() else { return HashMap::new() };
     let Ok(data) = data::open(&sweep.data, demand(&sweep).as_ref()) else {

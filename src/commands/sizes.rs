@@ -1,5 +1,5 @@
-//! Where an optimum is expected before anything is trained ([`Expected`]), and the models and vocabularies that can be
-//! built nearest to sizes that a law asks for.
+//! The expected optimum before any training ([`Expected`]), and the models and vocabularies that can be built
+//! nearest to given sizes.
 
 use super::prelude::*;
 use isoflop::laws::scamo;
@@ -7,11 +7,11 @@ use isoflop::predict::Codebook;
 use isoflop::spec::CodebookKind;
 use isoflop::sweep::{LevelsSpec, ModelEntry, VocabSpec, models, shape};
 
-/// N_nv and N_v of the optimum at 1e11 FLOPs and their exponents in C, as this program's own studies of motion
-/// found them (`results/procedural-law`, `results/cmu-motion`): where to look, and no more.
+/// N_nv and N_v of the optimum at 1e11 FLOPs and their exponents in C, from this project's studies
+/// (`results/procedural-law`, `results/cmu-motion`): a rough guess, used to place grids.
 const NONVOCAB: (f64, f64) = (7.0e3, 0.45);
 const VOCAB: (f64, f64) = (2.6e4, 0.57);
-/// The largest budget that the own studies say something of, and the smallest of the published law.
+/// The largest budget for which the project's studies are used, and the smallest for the published law.
 const OWN_UP_TO: f64 = 1e14;
 const PUBLISHED_FROM: f64 = 1e15;
 
@@ -20,14 +20,14 @@ const PUBLISHED_FROM: f64 = 1e15;
 pub struct Expected {
     pub params_nonvocab: f64,
     pub params_vocab: f64,
-    /// The law, for a person.
+    /// The law's name.
     pub by: &'static str,
-    /// Factor within which V may be otherwise: tokenizers differ.
+    /// Factor of uncertainty of V: tokenizers differ.
     pub vocab_within: f64,
 }
 
 impl Expected {
-    /// By the own studies, however large the budget.
+    /// By the project's studies, at any budget.
     pub fn by_own_studies(budget: f64) -> Self {
         let law = |(at, exponent): (f64, f64)| at * (budget / 1e11).powf(exponent);
         Self {
@@ -38,7 +38,7 @@ impl Expected {
         }
     }
 
-    /// By the law that has something to say of a budget; `None` between the two.
+    /// By the law that covers a budget; `None` between the two.
     pub fn of(budget: f64) -> Option<Self> {
         if budget <= OWN_UP_TO {
             return Some(Self::by_own_studies(budget));
@@ -56,7 +56,7 @@ impl Expected {
 /// Widths beyond which no model is looked for.
 const WIDEST: usize = 1 << 15;
 
-/// Each value once, in the order of its first.
+/// The distinct values, in order of first occurrence.
 pub fn distinct<T: PartialEq>(values: Vec<T>) -> Vec<T> {
     values.into_iter().fold(Vec::new(), |mut kept, value| {
         if !kept.contains(&value) {
@@ -66,7 +66,7 @@ pub fn distinct<T: PartialEq>(values: Vec<T>) -> Vec<T> {
     })
 }
 
-/// V codes in all codebooks together, as near as the sweep's quantizer has them.
+/// The nearest number of codes that the sweep's quantizer can have.
 pub fn codes(n_vocab: f64, sweep: &Sweep) -> VocabSpec {
     let quantizer = sweep.tokenizer.quantizer();
     let n_vocab = n_vocab / quantizer.n_codebooks() as f64;
@@ -79,14 +79,14 @@ pub fn codes(n_vocab: f64, sweep: &Sweep) -> VocabSpec {
     }
 }
 
-/// The model of the sweep's family whose N_nv is nearest: depth and heads are those of the nearest
-/// model tried, the width follows.
+/// The model of the sweep's family with the nearest N_nv: depth and heads of the nearest model tried, at another
+/// width.
 pub fn model(sweep: &Sweep, params_nonvocab: f64) -> Result<ModelEntry> {
     let off = |entry: &ModelEntry| (nonvocab(sweep, entry) / params_nonvocab).ln().abs();
     let nearer = |a: &ModelEntry, b: &ModelEntry| off(a).total_cmp(&off(b));
     let tried = models(&sweep.grid.models);
     let nearest = tried.iter().min_by(|a, b| nearer(a, b)).context("the sweep has no models")?;
-    // The rotary positions want an even width of a head.
+    // Rotary positions need an even width per head.
     let step = 2 * nearest.n_head;
     let of_width = |d_model| ModelEntry { d_model, d_ff: None, ..nearest.clone() };
     let widths = (step..WIDEST).step_by(step).map(of_width);

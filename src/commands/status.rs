@@ -1,4 +1,4 @@
-//! `isoflop status`: how far a sweep is, from its folder, and from the engines that have some of it.
+//! `isoflop status`: the progress of a sweep, from its folder and from its engines.
 
 use super::args::FolderArg;
 use super::prelude::*;
@@ -15,19 +15,19 @@ pub fn status(args: &FolderArg, output: &Output) -> Result<Exit> {
     output.result(&document, &text)
 }
 
-/// How far a sweep is; an error where the folder is no sweep's.
+/// The progress of a sweep; an error if the folder is not a sweep's.
 pub fn state_of(folder: &ResultsFolder) -> Result<SweepState> {
     match sweep_state(folder)? {
         Some(state) => Ok(state),
         None => bail!(
-            "{0} is no sweep's folder: it has no plan.json, which `isoflop run` writes first",
+            "{0} is not a sweep's folder: it has no plan.json, which `isoflop run` writes first",
             folder.root().display()
         ),
     }
 }
 
-/// A state as a document and for a person: with what each engine says that has something of the sweep, and each
-/// failure with the command that tries it again.
+/// A state as JSON and as text, with the report of each engine that runs jobs of the sweep, and each failure with
+/// the command that retries it.
 pub fn told(folder: &ResultsFolder, state: &SweepState) -> Result<(Value, String)> {
     let command = CommandLine::read(folder)?;
     let here = std::env::current_dir().unwrap_or_default();
@@ -50,17 +50,17 @@ pub fn told(folder: &ResultsFolder, state: &SweepState) -> Result<(Value, String
     Ok((document, text))
 }
 
-// What `isoflop status` and `isoflop cancel` show to people, within 80 columns.
+// The text of `isoflop status` and `isoflop cancel`, within 80 columns.
 
 const WIDTH: usize = 80;
 
-/// Failures that are shown whole; `--json` has them all.
+/// Failures that are shown in full; `--json` has all.
 const SHOWN: usize = 10;
 
 /// The last lines of a failure that are shown.
 const LAST_LINES: usize = 3;
 
-/// The whole story; `command` is what made the folder, with more options.
+/// The whole text; `command` gives the command that made the folder, with more options.
 pub fn text(
     name: &str,
     state: &SweepState,
@@ -95,7 +95,7 @@ fn heading(name: &str, state: &SweepState, engines: &[(&str, EngineState)]) -> S
         ([_, ..], _) if !state.at_work => engines.iter().map(|(_, said)| &*said.text).collect(),
         (_, Some(one)) => format!("at work: process {} on {}\n", one.pid, one.host),
         _ if state.at_work => "at work: a process that has just begun\n".to_string(),
-        _ => "no scheduler is at work here\n".to_string(),
+        _ => "no scheduler is running here\n".to_string(),
     };
     wrap(&format!("{name}: "), &sentence) + &who
 }
@@ -111,7 +111,7 @@ fn counts(state: &SweepState) -> String {
     let mut out = table(heads, inputs.chain([row("runs", &state.runs)]));
     if state.runs.blocked > 0 {
         out +=
-            &format!("{} runs not started: something that they need failed\n", state.runs.blocked);
+            &format!("{} runs not started: a job that they depend on failed\n", state.runs.blocked);
     }
     out
 }
@@ -154,7 +154,7 @@ fn failure(job: &FailedJob) -> String {
     out
 }
 
-/// What goes on, where something is left that nobody is at.
+/// The command that continues, if jobs are left and nothing runs them.
 fn advice(state: &SweepState, engines: &[(&str, EngineState)], go_on: &str) -> String {
     let runs = &state.runs;
     let open = runs.started + runs.missing - runs.blocked.min(runs.started + runs.missing);
@@ -171,7 +171,7 @@ pub fn cancel(args: &FolderArg, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);
     state_of(&folder)?;
     let mut end = Cancelled::NothingRan;
-    // Those that start work elsewhere first.
+    // Engines that start work elsewhere come first.
     for engine in ENGINES.into_iter().rev() {
         let asking = || format!("asking the engine {} to end", engine.name());
         end = end.max(engine.cancel(&folder, output).with_context(asking)?);
@@ -179,10 +179,10 @@ pub fn cancel(args: &FolderArg, output: &Output) -> Result<Exit> {
     let state = state_of(&folder)?;
     let said = match end {
         Cancelled::NothingRan => "nothing is running here",
-        Cancelled::Ended => "ended; what is finished stays",
-        Cancelled::Killed => "ended, some of it by force; what is finished stays",
+        Cancelled::Ended => "ended; finished jobs are kept",
+        Cancelled::Killed => "ended, some of it by force; finished jobs are kept",
         Cancelled::StillAtWork => {
-            "still at work a minute after it was asked to end; it may yet end"
+            "still running a minute after it was asked to end; it may yet end"
         }
     };
     let (state, text) = told(&folder, &state)?;

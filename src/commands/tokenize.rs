@@ -1,4 +1,4 @@
-//! `isoflop tokenize`: motions into codes, a file each.
+//! `isoflop tokenize`: turns motions into codes, one file each.
 
 use super::context::TokenizerChoice;
 use super::prelude::*;
@@ -94,7 +94,7 @@ fn encoded(
 /// Motions that are listed, at most.
 const LISTED: usize = 12;
 
-/// What a person reads: a screen.
+/// The result as text.
 fn text(tokenizer: &TrainedTokenizer, clips: &[ClipCodes], args: &TokenizeArgs) -> String {
     let spec = tokenizer.tokenizer.spec();
     let (n, kind, v) = (clips.len(), spec.quantizer.name(), spec.n_vocab());
@@ -109,9 +109,9 @@ fn text(tokenizer: &TrainedTokenizer, clips: &[ClipCodes], args: &TokenizeArgs) 
     text + &format!("\nfiles     {}/<motion>.json\n", args.out.display())
 }
 
-// The captions of motions: given, a line each, or beside them.
+// The captions of motions: given, one per line, or in files next to them.
 
-/// The caption of each motion, where it has one.
+/// The caption of each motion, if it has one.
 fn captions(args: &TokenizeArgs) -> Result<Vec<Option<String>>> {
     let n = args.files.len();
     match (&args.caption, &args.texts) {
@@ -122,7 +122,7 @@ fn captions(args: &TokenizeArgs) -> Result<Vec<Option<String>>> {
     }
 }
 
-/// A caption a line, as many as there are motions.
+/// One caption per line, as many as motions.
 pub fn captions_of_lines(path: &Path, n: usize) -> Result<Vec<Option<String>>> {
     let captions: Vec<Option<String>> = lines_of(path)?.into_iter().map(Some).collect();
     if captions.len() != n {
@@ -139,7 +139,7 @@ pub fn lines_of(path: &Path) -> Result<Vec<String>> {
     Ok(lines.map(String::from).collect())
 }
 
-/// The first caption of the whole clip in the `.txt` beside a motion, plain or as HumanML3D has them.
+/// The first caption of the whole clip in the `.txt` next to a motion, plain or in HumanML3D's format.
 pub fn caption_beside(motion: &Path) -> Result<Option<String>> {
     let path = motion.with_file_name(format!("{}.txt", motion_name(motion)));
     if !path.is_file() {
@@ -155,7 +155,7 @@ pub fn caption_beside(motion: &Path) -> Result<Option<String>> {
     }
 }
 
-// What `isoflop tokenize` takes.
+// The arguments of `isoflop tokenize`.
 
 #[derive(Args)]
 pub struct TokenizeArgs {
@@ -164,16 +164,16 @@ pub struct TokenizeArgs {
     pub files: Vec<PathBuf>,
     #[command(flatten)]
     pub tokenizer: TokenizerChoice,
-    /// The caption of every motion, for a tokenizer with language; by default that of a .txt beside it
+    /// The caption of every motion, for a tokenizer with language; by default from the .txt next to it
     #[arg(long, value_name = "TEXT", conflicts_with = "texts")]
     pub caption: Option<String>,
-    /// A file with a caption a line, in the order of the motions
+    /// A file with one caption per line, in the order of the motions
     #[arg(long, value_name = "FILE")]
     pub texts: Option<PathBuf>,
     /// The folder to write to: a .json of codes for each motion
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Write over codes that the folder holds
+    /// Overwrite codes in the folder
     #[arg(long)]
     pub overwrite: bool,
 }

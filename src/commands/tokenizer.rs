@@ -1,5 +1,5 @@
-//! `isoflop tokenizer`: the tokenizers of a sweep on their own, several beside one another, how often the codes of one
-//! are met, and what guidance of its detokenizer is worth (LG-Tok, Fig. 5).
+//! `isoflop tokenizer`: trains and compares tokenizers, draws the use of codes, and measures guidance of the
+//! detokenizer (LG-Tok, Fig. 5).
 
 use super::args::{FolderArgs, not_negative};
 use super::context::TokenizerChoice;
@@ -28,13 +28,13 @@ pub struct TokenizerArgs {
 
 #[derive(Subcommand)]
 enum What {
-    /// Train the tokenizers of a sweep, and nothing else of it
+    /// Train only the tokenizers of a sweep
     Train(RunArgs),
     /// Compare the tokenizers of sweeps with one another and with k-means
     Eval(FolderArgs),
-    /// Draw how often the codes of a tokenizer are met, scale by scale, and where they lie
+    /// Draw how often each code of a tokenizer is used, by scale, and where the codes lie
     Codes(TokenizerChoice),
-    /// Measure reconstruction as the detokenizer follows the caption the more
+    /// Measure reconstruction at several strengths of caption guidance
     Guidance(GuidanceArgs),
 }
 
@@ -47,7 +47,7 @@ pub fn tokenizer(args: &TokenizerArgs, output: &Output) -> Result<Exit> {
     }
 }
 
-/// Trains what is missing; then all of the folder's are compared, if any is there.
+/// Trains missing tokenizers, then compares all tokenizers of the folder.
 fn train(args: &RunArgs, output: &Output) -> Result<Exit> {
     run_only(args, JobKind::Tokenizer, output, |open| {
         let tokenizers = plot::tokenizers(&open.folder, output)?;
@@ -86,7 +86,7 @@ fn codes(tokenizer: &TokenizerChoice, output: &Output) -> Result<Exit> {
     output.result(&document, &codes_text(&trained.id, &scales, &paths[0].display().to_string()))
 }
 
-/// A line a scale.
+/// One line per scale.
 fn codes_text(id: &str, scales: &[ScaleUse], figure: &str) -> String {
     let row = |(i, own): (usize, &ScaleUse)| {
         let ScaleUse { n_vocab, utilisation, exponential_entropy } = own;
@@ -122,7 +122,7 @@ fn guidance(args: &GuidanceArgs, output: &Output) -> Result<Exit> {
     output.result(&document, &guidance_text(&trained.id, &args.at, &found))
 }
 
-/// A line a strength.
+/// One line per strength.
 fn guidance_text(id: &str, at: &[f64], found: &[Reconstruction]) -> String {
     let row = |(guidance, made): (&f64, &Reconstruction)| {
         let Reconstruction {

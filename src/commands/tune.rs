@@ -1,4 +1,4 @@
-//! `isoflop tune`: the rule of learning rate and batch, by trials at a few cells of a sweep's grid.
+//! `isoflop tune`: finds the rule of learning rate and batch by trials at a few cells of a sweep's grid.
 
 use super::context::{OpenSweep, SweepArgs, an_engine};
 use super::prelude::*;
@@ -16,7 +16,7 @@ use std::ops::ControlFlow;
 pub struct TuneArgs {
     #[command(flatten)]
     sweep: SweepArgs,
-    /// Cells of the grid that rates are tried at
+    /// Cells of the grid (model, vocabulary, budget) at which to try rates
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..))]
     cells: u16,
     /// Where jobs run
@@ -53,7 +53,7 @@ pub fn tune(args: &TuneArgs, output: &Output) -> Result<Exit> {
     output.result(&document, &text(&rule, trials.len(), &part.folder))
 }
 
-/// Every trial until there is nothing more to try. Those that ended before are read, not trained.
+/// Runs trials until none is left. Finished trials are read, not trained.
 fn search(
     args: &RunArgs,
     cells: &Cells,
@@ -88,9 +88,9 @@ fn search(
     }
 }
 
-// What `isoflop tune` says.
+// The result as text.
 
-/// The best rate of each cell, the rule, and what it is worth.
+/// The best rate of each cell, the rule, and its cost in loss.
 fn text(rule: &Rule, n_trials: usize, folder: &ResultsFolder) -> String {
     let heads = ["C", "N_nv", "V", "D", "own lr", "best lr", "L_u", "gain"];
     let mut out = table(heads, rule.cells.iter().map(row));
@@ -155,7 +155,7 @@ fn formula(lr: &LrRule) -> String {
     format!("{coefficient} N_nv^{params_exponent}{tokens}")
 }
 
-/// The rule as the `train` section of a sweep.
+/// The rule, as the `train` section of a sweep.
 fn yaml(rule: &Rule, sweep: &Sweep) -> Result<String> {
     let mut schedule = sweep.train.schedule.clone();
     schedule.kind = rule.schedule;
@@ -167,7 +167,7 @@ fn yaml(rule: &Rule, sweep: &Sweep) -> Result<String> {
 
 // Cells of a plan, and the runs that try settings at them.
 
-/// The cells that rates are tried at.
+/// The cells of the trials.
 struct Cells {
     runs: Vec<PlannedRun>,
     pub places: Vec<Place>,
@@ -177,7 +177,7 @@ impl Cells {
     /// At most `count` cells of a sweep, each with its first seed and tokenizer.
     ///
     /// # Errors
-    /// The sweep's trainer is a program of its own, which the settings of `train` do not reach.
+    /// The sweep has a user's trainer, which ignores the settings of `train`.
     pub fn of(open: &OpenSweep, count: usize) -> Result<Self> {
         if open.sweep.trainer.is_some() {
             bail!("`tune` knows the built-in trainer's rates; {} has its own", open.sweep.name);
@@ -237,12 +237,12 @@ fn place(run: &PlannedRun, sweep: &Sweep) -> Place {
     }
 }
 
-/// A trial that is to be made.
+/// A trial to run.
 #[derive(Clone)]
 struct Asked {
     pub cell: usize,
     pub setting: Setting,
-    /// None where the budget does not bear the setting: too few steps of its batch.
+    /// `None` if the budget buys too few steps of the setting's batch.
     pub run: Option<PlannedRun>,
 }
 
@@ -253,10 +253,10 @@ impl Asked {
         matches!(state, Some(JobState::Missing | JobState::Started))
     }
 
-    /// What came of it.
+    /// Its result.
     ///
     /// # Errors
-    /// It has no result, and did not fail either: what it needs is lost.
+    /// It has no result although it did not fail: a dependency failed.
     pub fn trial(&self, folder: &ResultsFolder) -> Result<Trial> {
         let Self { cell, setting, run } = self;
         let mut trial = Trial { cell: *cell, setting: *setting, loss: None };
@@ -264,7 +264,7 @@ impl Asked {
         match folder.record(&run.run_id)? {
             Some(record) => trial.loss = Some(record.loss_normalised()?),
             None if folder.state(&JobId::run(&run.run_id)) == JobState::Failed => {}
-            None => bail!("{} has no result: what it needs failed", run.spec.label()),
+            None => bail!("{} has no result: a job that it depends on failed", run.spec.label()),
         }
         Ok(trial)
     }

@@ -1,4 +1,4 @@
-//! `isoflop worker`: one job of a sweep, in a process of its own.
+//! `isoflop worker`: runs one job of a sweep in its own process.
 
 use super::context::{an_engine, device};
 use super::output::say;
@@ -38,7 +38,7 @@ fn one_job(args: &WorkerArgs, job: &JobId) -> Result<Exit> {
     let claimed = claim(&place, &stop);
     let outcome = match &claimed {
         Ok(None) => exit(STOPPED),
-        // Processors multiply; of other devices it must be seen.
+        // CPUs multiply correctly; other devices are checked.
         Ok(Some(_lock)) if args.device.is_processor() => work(&assignment),
         Ok(Some(_lock)) => {
             check_products(&device).map_err(Into::into).and_then(|()| work(&assignment))
@@ -48,8 +48,8 @@ fn one_job(args: &WorkerArgs, job: &JobId) -> Result<Exit> {
     let failure = match outcome {
         Ok(Outcome::Done) => None,
         Ok(Outcome::Failed(failure)) => Some(failure),
-        // What ends while it is asked to may not have failed; if it has, it will again. How far it
-        // was stays noted.
+        // A job that ends while it is asked to stop may not have failed; if it did, it will fail again. Its
+        // progress is kept.
         Ok(Outcome::Stopped) => exit(STOPPED),
         Err(error) if stop.is_raised() => {
             say(&format!("stopped: {error:#}"));
@@ -74,10 +74,10 @@ pub fn guard(args: &GuardArgs) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-// What a cluster's tasks call: `isoflop worker RESULTS --engine E --generation G --stage S --chunk I`,
-// and `--fit` in the end.
+// Called by a cluster's tasks: `isoflop worker RESULTS --engine E --generation G --stage S --chunk I`, and `--fit`
+// at the end.
 
-/// Does a chunk, and exits with the code that says how it ended.
+/// Runs a chunk, and returns its exit code.
 fn chunk(args: &WorkerArgs) -> Result<Exit> {
     let (Some(submission), Some(array), Some(index)) = (args.generation, &args.stage, args.chunk)
     else {
@@ -88,7 +88,7 @@ fn chunk(args: &WorkerArgs) -> Result<Exit> {
     exit(code)
 }
 
-/// Fits the laws, if every run is there, or the sweep may be fitted without.
+/// Fits the laws if every run is done, or if the sweep allows missing runs.
 fn fit(args: &WorkerArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);
     let FitTerms { grace, allow_missing } = args.engine.fit_terms(&folder, args.generation)?;
@@ -104,8 +104,8 @@ fn fit(args: &WorkerArgs, output: &Output) -> Result<Exit> {
     Ok(if missing > 0 { Exit::SomeRunsFailed } else { Exit::Done })
 }
 
-/// The state once every run is there that can come, or the time is up: what other machines wrote may
-/// take a moment to appear.
+/// The state once every run that can still finish has, or the time is up: files of other machines may take a
+/// moment to appear.
 fn wait(folder: &ResultsFolder, grace: Duration) -> Result<SweepState> {
     let started = Instant::now();
     loop {
@@ -130,7 +130,7 @@ fn incomplete(folder: &ResultsFolder, state: &SweepState, missing: usize) -> Str
     text + &format!("; isoflop status {} says more", folder.root().display())
 }
 
-// The command lines of `isoflop worker` and `isoflop guard`, which other commands give.
+// The arguments of `isoflop worker` and `isoflop guard`, which other commands call.
 
 #[derive(Args)]
 pub struct WorkerArgs {
@@ -159,8 +159,8 @@ pub struct WorkerArgs {
 
 #[derive(Args)]
 pub struct GuardArgs {
-    /// Held for as long as a program of the run may live
+    /// Locked for as long as a program of the run may live
     pub lock: PathBuf,
-    /// What the program's environment says
+    /// The variable in the program's environment
     pub mark: String,
 }

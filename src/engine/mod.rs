@@ -1,7 +1,6 @@
-//! Who brings the jobs of a sweep to their end: a folder an engine.
+//! Engines run the jobs of a sweep; each has a folder.
 //!
-//! An [`Engine`] takes jobs, tells how far they are and ends them. [`ENGINES`] lists them; commands
-//! iterate, and name none.
+//! An [`Engine`] runs jobs, reports their progress and ends them. [`ENGINES`] lists them; commands iterate over it.
 //!
 //! # Example
 //!

@@ -1,4 +1,4 @@
-//! [`Runner`]: who does a single job, and how it ended.
+//! [`Runner`]: runs a single job, and reports its end.
 
 use crate::failure::{Consequence, Failure};
 use crate::jobs::{Job, ResultsFolder, SweepState};
@@ -16,11 +16,11 @@ use std::time::Duration;
 #[derive(Clone, Debug, PartialEq)]
 pub enum JobEnd {
     Done,
-    /// It would end so again; the reason is in its folder too.
+    /// It failed for good; the reason is also in its folder.
     Failed(Failure),
-    /// It was asked to stop, and goes on from its checkpoint another time.
+    /// It was asked to stop, and can resume from its checkpoint.
     Stopped,
-    /// Its process died or was killed: may pass.
+    /// Its process died or was killed; a retry may succeed.
     Crashed(Failure),
     /// Nothing can be written: neither by this job nor by others. It goes on another time.
     Halted(Failure),
@@ -36,7 +36,7 @@ impl JobEnd {
         }
     }
 
-    /// `done`, `stopped`, or the kind of what went wrong.
+    /// `done`, `stopped`, or the kind of failure.
     pub fn word(&self) -> &'static str {
         match (self, self.failure()) {
             (_, Some(failure)) => failure.kind.word(),
@@ -45,7 +45,7 @@ impl JobEnd {
         }
     }
 
-    /// What went wrong, where something did.
+    /// The failure, if any.
     pub fn failure(&self) -> Option<&Failure> {
         match self {
             Self::Failed(failure) | Self::Crashed(failure) | Self::Halted(failure) => Some(failure),
@@ -63,7 +63,7 @@ pub struct JobReport {
 
 /// Does jobs, one call at a time from each of several threads.
 pub trait Runner: Sync {
-    /// Does a job to its end; `beat` is told how far it is.
+    /// Runs a job; calls `beat` with its progress.
     fn run(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd;
 
     /// Notes for good that a job failed which died too often; returns the failure as noted.
@@ -72,9 +72,9 @@ pub trait Runner: Sync {
     }
 }
 
-// What an engine says of a sweep.
+// An engine's report on a sweep.
 
-/// What an engine says of a sweep, beside the sweep's folder.
+/// An engine's report on a sweep, in addition to the folder's state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EngineState {
     /// For `--json`.
@@ -85,7 +85,7 @@ pub struct EngineState {
     pub wants_more: bool,
 }
 
-/// What became of a wish to end, from the least to the worst.
+/// The result of a request to end, from the mildest to the worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Cancelled {
     NothingRan,
@@ -96,9 +96,9 @@ pub enum Cancelled {
     StillAtWork,
 }
 
-// [`Engine`] and [`Session`]: what commands ask of an engine, and what it answers.
+// [`Engine`] and [`Session`]: the interface between commands and engines.
 
-/// Who brings jobs to their end.
+/// Runs jobs.
 pub trait Engine: Sync {
     /// The name on the command line, and of its section in a sweep file.
     fn name(&self) -> &'static str;
@@ -112,13 +112,13 @@ pub trait Engine: Sync {
         false
     }
 
-    /// Gets ready for a sweep, before anything is written.
+    /// Prepares a sweep, before anything is written.
     ///
     /// # Errors
-    /// The engine cannot be reached, or cannot do what is asked for.
+    /// The engine cannot be reached, or does not support the request.
     fn session<'a>(&self, request: &'a SweepRequest<'a>) -> Result<Box<dyn Session + 'a>>;
 
-    /// What the engine says of a sweep, beside the sweep's folder; `None` where it has nothing of it.
+    /// The engine's report on a sweep; `None` if it has no jobs of it.
     ///
     /// # Errors
     /// The engine's files cannot be read.
@@ -126,10 +126,10 @@ pub trait Engine: Sync {
         Ok(None)
     }
 
-    /// Ends what the engine does for a sweep, with time for checkpoints.
+    /// Ends the engine's jobs of a sweep, with time for checkpoints.
     ///
     /// # Errors
-    /// The engine cannot be reached: then nothing is known, and the sweep may go on.
+    /// The engine cannot be reached: the state is unknown, and the sweep may go on.
     fn cancel(&self, folder: &ResultsFolder, tell: &dyn Tell) -> Result<Cancelled>;
 
     /// Does a task that the engine handed to another machine; its exit code.
@@ -140,7 +140,7 @@ pub trait Engine: Sync {
         bail!("the engine {} has no tasks", self.name())
     }
 
-    /// What a fit after the tasks of a submission is to wait for.
+    /// The jobs that a fit after a submission waits for.
     ///
     /// # Errors
     /// Files of the submission are damaged.
@@ -151,7 +151,7 @@ pub trait Engine: Sync {
 
 /// An engine that is about to work on a sweep.
 pub trait Session {
-    /// Looks, once the folder is held, at what it must know before anything is written.
+    /// Queries the engine, once the folder is locked and before anything is written.
     ///
     /// # Errors
     /// The engine cannot be reached; nothing was changed.
@@ -159,13 +159,13 @@ pub trait Session {
         Ok(())
     }
 
-    /// Brings jobs to their end, each after what it needs, or hands them over.
+    /// Runs jobs, each after its dependencies, or submits them.
     ///
     /// # Errors
     /// The engine cannot be used.
     fn bring(self: Box<Self>, jobs: Vec<Job>) -> Result<Brought>;
 
-    /// Says what would be handed over, or whether it would be taken; changes nothing.
+    /// Shows the submission, or whether it would be accepted; changes nothing.
     ///
     /// # Errors
     /// The engine has nothing to preview, or cannot be reached.
@@ -174,28 +174,28 @@ pub trait Session {
     }
 }
 
-/// What became of jobs.
+/// The result of running jobs.
 pub enum Brought {
-    /// They have ended so.
+    /// They have ended.
     Ended(Vec<JobReport>),
-    /// They end later, somewhere else: what to tell of that.
+    /// They end later, elsewhere, with a message about it.
     HandedOver { document: Value, text: String },
 }
 
-/// What is asked of an engine without handing it anything.
+/// A request without a submission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preview {
-    /// What would be handed over.
+    /// Show the submission.
     DryRun,
     /// Whether it would be taken.
     Check,
 }
 
-/// What a preview shows.
+/// The result of a preview.
 pub struct Previewed {
     pub document: Value,
     pub text: String,
-    /// Whether it would be taken, as far as that was asked.
+    /// Whether it would be accepted, if that was asked.
     pub taken: bool,
 }
 
@@ -207,18 +207,18 @@ pub struct Task {
     pub index: usize,
 }
 
-/// What a fit waits for.
+/// The jobs that a fit waits for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FitTerms {
-    /// How long records written on other machines may take to appear.
+    /// Time for records of other machines to appear.
     pub grace: Duration,
     /// Whether laws are fitted although runs are missing.
     pub allow_missing: bool,
 }
 
-// [`SweepRequest`]: what is asked of an engine for a sweep.
+// [`SweepRequest`]: a request to an engine.
 
-/// What is asked of an engine for a sweep.
+/// A request to an engine for a sweep.
 #[derive(Clone, Copy)]
 pub struct SweepRequest<'a> {
     /// As resolved.
@@ -228,18 +228,18 @@ pub struct SweepRequest<'a> {
     pub device: DeviceName,
     /// Jobs side by side on this machine.
     pub slots: usize,
-    /// Memory for all jobs together; `None`: what is available.
+    /// Memory for all jobs together; `None` for all available memory.
     pub memory_bytes: Option<u64>,
     /// Stop at the first failure.
     pub fail_fast: bool,
-    /// A file with keys of the engine's section, laid over those of the sweep.
+    /// A file of engine settings that override the sweep's.
     pub profile: Option<&'a Path>,
     /// The tracker that follows training, if one does.
     pub track: Option<Track>,
     pub tell: &'a dyn Tell,
 }
 
-/// Whom an engine tells what is no result.
+/// Receives notes and warnings from an engine.
 pub trait Tell {
     /// Something worth knowing.
     fn note(&self, line: &str);
@@ -247,7 +247,7 @@ pub trait Tell {
     /// Something that may be wrong.
     fn warn(&self, line: &str);
 
-    /// Whether nobody wants to see progress.
+    /// Whether progress is hidden.
     fn is_quiet(&self) -> bool;
 }
 
@@ -265,9 +265,9 @@ pub enum Track {
 impl Track {
     /// Each with a line for the help.
     pub const ALL: [(Self, &'static str); 3] = [
-        (Self::Tensorboard, "Event files in results/NAME/tensorboard, whatever trains"),
-        (Self::Wandb, "Weights & Biases; by `trainer: torch`"),
-        (Self::Mlflow, "MLflow; by `trainer: torch`"),
+        (Self::Tensorboard, "Event files in results/NAME/tensorboard; for any trainer"),
+        (Self::Wandb, "Weights & Biases; needs `trainer: torch`"),
+        (Self::Mlflow, "MLflow; needs `trainer: torch`"),
     ];
 
     /// The name on the command line and for trainers.
@@ -279,7 +279,7 @@ impl Track {
         }
     }
 
-    /// The variables by which a trainer knows that it is to track its run; empty if isoflop itself does.
+    /// The variables that ask a trainer to track its run; empty if isoflop does it.
     pub fn variables(self, project: String) -> Vec<(&'static str, String)> {
         match self {
             Self::Tensorboard => Vec::new(),

@@ -1,9 +1,7 @@
-//! A sweep's results in forms for other programs: a Jupyter notebook that reads the sweep's folder and draws
-//! its laws interactively.
+//! Exports a sweep as a Jupyter notebook that reads the sweep's folder and draws its laws interactively.
 //!
-//! The cells are the files of `notebook/`, in the order of `CELLS`: markdown and Python that
-//! can be read, and edited, as what they are. They compute nothing that the sweep has not
-//! written, but for the means over seeds.
+//! The cells are the files of `notebook/`, in the order of `CELLS`: plain markdown and Python. They compute only means
+//! over seeds; everything else is read from the sweep.
 //!
 //! # Example
 //!
@@ -16,7 +14,7 @@
 
 use serde_json::{Value, json};
 
-/// What the notebook is about.
+/// The input of a notebook.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotebookInput<'a> {
     /// The sweep's name.
@@ -31,8 +29,8 @@ macro_rules! cells {
     };
 }
 
-/// The name of each cell's file, which without its ending is unique and stable, as nbformat 4.5 asks of an
-/// id, and what the file holds.
+/// The file name of each cell, unique and stable without its ending (as nbformat 4.5 requires of an id), and its
+/// content.
 const CELLS: [(&str, &str); 16] = cells![
     "title.md",
     "setup.py",
@@ -54,9 +52,8 @@ const CELLS: [(&str, &str); 16] = cells![
 
 /// The notebook as a JSON document of nbformat 4.5, not yet executed.
 ///
-/// It needs Python with polars and Altair, which its first cell says how to install, and
-/// `runs.parquet` and `laws.json` in the sweep's folder; a law that is null is passed over.
-/// The same input gives the same document.
+/// It needs Python with polars and Altair (the first cell explains the installation), and `runs.parquet` and
+/// `laws.json` in the sweep's folder; a null law is skipped. The same input gives the same document.
 pub fn notebook(input: &NotebookInput) -> Value {
     let cells: Vec<Value> = CELLS.into_iter().map(|cell| document(cell, input)).collect();
     json!({

@@ -1,10 +1,10 @@
-//! A quantity along one side of a panel: its span, its scale, its ticks, and how values are written.
+//! An axis of a panel: its span, scale, ticks and number format.
 
 use super::font::{Weight, measure};
 
 /// Size of tick labels, in pixels.
 pub const TICK_EM: f64 = 12.0;
-/// What C is called along an axis.
+/// The label of C on an axis.
 pub const COMPUTE: &str = "Training compute C (FLOPs)";
 /// Space left free beyond the outermost data, as a share of the span.
 const PADDING: f64 = 0.05;
@@ -29,7 +29,7 @@ pub fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
 }
 
-/// Which way an axis runs; it decides how much room a tick's label takes.
+/// The direction of an axis; it decides the room of a tick's label.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     Across,
@@ -41,7 +41,7 @@ pub enum Direction {
 pub struct Axis {
     pub label: String,
     scale: Scale,
-    /// In the scale's own unit: log10 of the value where it is logarithmic.
+    /// In the unit of the scale: log10 of the value if logarithmic.
     low: f64,
     high: f64,
     /// Ticks at exactly these values, in place of round ones.
@@ -49,11 +49,11 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis just wide enough for all values; what it cannot place is passed over.
+    /// An axis just wide enough for all values; values that it cannot place are ignored.
     ///
     /// # Errors
     ///
-    /// The reason why there is no axis, where it can place no value at all.
+    /// It can place no value at all.
     pub fn new(
         label: &str,
         scale: Scale,
@@ -75,7 +75,7 @@ impl Axis {
         Axis { at: Some(values.into_iter().collect()), ..self }
     }
 
-    /// Where a value lies, 0 at the low end and 1 at the high end; beyond for values outside.
+    /// The position of a value: 0 at the low end, 1 at the high end, beyond for values outside.
     pub fn share(&self, value: f64) -> f64 {
         (self.scale.place(value) - self.low) / (self.high - self.low)
     }
@@ -123,7 +123,7 @@ impl Axis {
         spans.windows(2).all(|pair| pair[0].1 <= pair[1].0)
     }
 
-    /// A tick at each value, labels dropped where they would touch the one before.
+    /// A tick at each value, without labels that would touch the previous one.
     fn thinned(&self, values: &[f64], length: f64, direction: Direction) -> Vec<Tick> {
         let mut end = f64::NEG_INFINITY;
         let mut tick = |&value: &f64| {
@@ -141,7 +141,7 @@ fn width(label: &str) -> f64 {
     measure(label, Weight::Normal, TICK_EM)
 }
 
-/// What a label takes along its axis, with some air.
+/// The space of a label along its axis, with a margin.
 fn extent(centre: f64, label: &str, direction: Direction) -> (f64, f64) {
     let room = match direction {
         Direction::Across => width(label) + 8.0,
@@ -214,7 +214,7 @@ fn with_minor(low: f64, high: f64, mut ticks: Vec<Tick>) -> Vec<Tick> {
     ticks
 }
 
-/// Ticks at multiples of 1, 2 or 5 times a power of ten: at most eight, fewer where they must fit.
+/// Ticks at multiples of 1, 2 or 5 times a power of ten: at most eight, fewer if space is short.
 fn linear_ticks(low: f64, high: f64, fits: impl Fn(&[Tick]) -> bool) -> Vec<Tick> {
     let mut sets = (1..=8).rev().map(|intervals| evenly(low, high, intervals));
     sets.find(|ticks| fits(ticks)).unwrap_or_default()

@@ -22,12 +22,12 @@ pub fn loss_vs_budget(sources: &Sources) -> Drawing {
     let laws = sources.laws()?;
     let (minima, answer) = (known_minima(laws)?, laws.answer());
     let others = others(laws, sources.loss_symbol());
-    // The loss of the optimum along the fitted budgets, by the law to believe.
+    // The loss of the optimum along the fitted budgets, by the recommended law.
     let path = answer.path.iter().filter_map(|at| Some((at.budget_flops, at.loss?)));
     let path: Vec<_> = path.collect();
     let budgets = minima.iter().map(|(minimum, _)| minimum.budget_flops);
     let measured = minima.iter().map(|(minimum, _)| minimum.loss_normalised);
-    // What the laws say of each budget; the held-out one's errors should be seen.
+    // The predictions of the laws at each budget; the errors at the held-out one should be visible.
     let predicted = budgets.clone().flat_map(|flops| {
         let log = laws.loss.log.as_ref().map(|law| law.loss_at(flops));
         let floor = laws.loss.floor.as_ref().map(|law| law.loss_at(flops, laws.reference_flops));
@@ -69,7 +69,7 @@ struct Other<'a> {
     about: String,
 }
 
-/// The log law and the law with a floor, if they are not the law to believe; the loss has a symbol and a unit.
+/// The log law and the law with a floor, if they are not the recommended law; the loss has a symbol and a unit.
 fn others<'a>(laws: &'a Laws, words: [&str; 2]) -> Vec<Other<'a>> {
     let own = laws.recommended_law();
     let log = laws.loss.log.as_ref().filter(|_| own != Candidate::Log).map(|law| Other {
@@ -179,7 +179,7 @@ pub fn loss_vs_data(sources: &Sources) -> Drawing {
     Ok(Page { width: 1000.0, height: 620.0, title, remarks, legend }.panels(vec![plot]))
 }
 
-/// The joint law of all budgets, where it knows what repeated data is worth.
+/// The joint law of all budgets, if it has the worth of repeated data.
 fn joint_law(sources: &Sources) -> Option<JointLaw> {
     let joint = sources.input.laws?.judgement.joint.as_ref();
     let mut own = joint.filter(|law| law.loss.terms.repeats)?.clone();

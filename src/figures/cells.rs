@@ -1,4 +1,4 @@
-//! The runs of a sweep as the figures see them: cells of model × vocabulary × budget.
+//! The runs of a sweep grouped for figures: cells of model × vocabulary × budget.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use super::scene::Point;
 use crate::record::{Planned, RunRecord, of_largest_share};
 use crate::spec::FlopsRule;
 
-/// A model's shape, as far as it is known; models are ordered by size.
+/// A model's shape, if known; models are ordered by size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ModelSize {
     pub params_nonvocab: usize,
@@ -42,7 +42,7 @@ pub struct Shown<'a> {
 }
 
 impl<'a> Shown<'a> {
-    /// Requires a finite L_u, and FLOPs by a rule; says in a clause what is lacking.
+    /// Requires a finite L_u, and FLOPs by a rule; the error names what is missing.
     pub fn of(run: &'a RunRecord, rule: FlopsRule) -> Result<Self, String> {
         let loss_normalised = run.loss_normalised().map_err(|lacking| lacking.to_string())?;
         let flops = run.flops(rule).map_err(|lacking| lacking.to_string())?;
@@ -63,23 +63,23 @@ pub struct CellMean {
     pub flops: f64,
     /// L_u, in nats.
     pub loss_normalised: f64,
-    /// Of that mean over the seeds; `None` of one seed.
+    /// Standard error of the mean over the seeds; `None` for one seed.
     pub standard_error: Option<f64>,
     pub seeds: usize,
 }
 
 impl CellMean {
-    /// Its loss at what it spent.
+    /// Its loss against its FLOPs.
     pub fn at_its_flops(&self) -> Point {
         (self.flops, self.loss_normalised)
     }
 
-    /// Its loss at its N_nv.
+    /// Its loss against its N_nv.
     pub fn at_its_size(&self) -> Point {
         (self.model.params_nonvocab as f64, self.loss_normalised)
     }
 
-    /// Its loss at its V.
+    /// Its loss against its V.
     pub fn at_its_vocab(&self) -> Point {
         (self.n_vocab as f64, self.loss_normalised)
     }
@@ -95,8 +95,7 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Groups the runs that have a place on the figures, those of the largest share of the data; their FLOPs
-    /// are counted by `rule`.
+    /// Groups the runs for figures: those of the largest share of the data, with FLOPs counted by `rule`.
     pub fn of(records: &[RunRecord], rule: FlopsRule) -> Cells {
         let mut groups: BTreeMap<_, Vec<Shown>> = BTreeMap::new();
         for shown in of_largest_share(records).filter_map(|run| Shown::of(run, rule).ok()) {

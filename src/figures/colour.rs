@@ -1,4 +1,4 @@
-//! Colours that a colour-blind reader tells apart, and that survive a grey printer.
+//! Colours that colour-blind readers can distinguish, also on a grey printer.
 
 /// An opaque colour; figures blend nothing, so SVG and PNG agree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,7 +10,7 @@ pub const MUTED: Rgb = Rgb(96, 96, 96);
 pub const FRAME: Rgb = Rgb(120, 120, 120);
 pub const GRID: Rgb = Rgb(228, 228, 228);
 pub const ENVELOPE: Rgb = Rgb(205, 205, 205);
-/// Okabe and Ito's vermillion: what was held out, wherever it is drawn.
+/// Okabe and Ito's vermillion: held-out data in all figures.
 pub const HELD_OUT: Rgb = Rgb(213, 94, 0);
 /// Okabe and Ito's blue: the first law of a figure.
 pub const LAW: Rgb = Rgb(0, 114, 178);

@@ -8,7 +8,7 @@ use crate::laws::{
     Answer, Coefficient, Exponent, LawKind, Laws, Minimum, MinimumMethod, OptimumAt,
 };
 
-/// What a minimum is to the laws.
+/// The role of a minimum in the laws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     Fitted,
@@ -27,19 +27,19 @@ impl Role {
         }
     }
 
-    /// The mark of a minimum with this role: hollow where flagged, a diamond where held out.
+    /// The mark of a minimum by role: hollow if flagged, a diamond if held out.
     pub fn mark(self, colour: Rgb) -> Mark {
         let marker = if self == Role::HeldOut { Marker::Diamond } else { Marker::Circle };
         Mark { marker, colour, radius: 5.0, hollow: self == Role::Flagged }
     }
 
-    /// The colour of the role where colour stands for nothing else.
+    /// The colour of the role, if colour has no other meaning.
     pub fn colour(self) -> Rgb {
         if self == Role::HeldOut { HELD_OUT } else { INK }
     }
 }
 
-/// The minima that the laws speak of, the held-out one last, each with its role.
+/// The minima of the laws, the held-out one last, each with its role.
 pub fn minima(laws: &Laws) -> Vec<(&Minimum, Role)> {
     let of_method = laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method);
     let fitted = of_method.map(|minimum| (minimum, Role::of(minimum, laws)));
@@ -73,7 +73,7 @@ pub fn explain_roles(legend: &mut Legend, laws: &Laws, colour: fn(Role) -> Rgb) 
     explain_marks(legend, laws.minima_method, marks);
 }
 
-/// Values that an axis must hold: those of trusted points, and flagged ones within a decade.
+/// Values that an axis must include: trusted points, and flagged ones within a decade.
 pub fn within_reach(points: &[(f64, Role)]) -> Vec<f64> {
     let values = points.iter().map(|(value, _)| *value);
     let trusted = points.iter().filter(|(_, role)| *role != Role::Flagged);
@@ -83,7 +83,7 @@ pub fn within_reach(points: &[(f64, Role)]) -> Vec<f64> {
     values.filter(|value| has_none || reach.contains(value)).collect()
 }
 
-/// Says how many minima a figure's axes leave outside; empty where all are shown.
+/// Says how many minima a figure's axes leave outside; empty if all are shown.
 pub fn outside_remark(hidden: usize) -> String {
     match hidden {
         0 => String::new(),
@@ -107,7 +107,7 @@ pub fn law_name(laws: &Laws) -> String {
 
 // The quantities of the optimum.
 
-/// One of the three quantities of ScaMo Eq. 9, or N, where the vocabulary's parameters are not told apart.
+/// One of the three quantities of ScaMo Eq. 9, or N, if the vocabulary's parameters are not separate.
 pub struct Quantity {
     pub label: &'static str,
     /// The law with its symbols.
@@ -115,7 +115,7 @@ pub struct Quantity {
     /// The exponent's symbol.
     pub exponent: &'static str,
     pub of: fn(&Minimum) -> f64,
-    /// Its symbol in what the law to believe says.
+    /// Its symbol in the recommended law.
     symbol: &'static str,
 }
 
@@ -148,19 +148,19 @@ const SIZE: Quantity = Quantity {
     symbol: "N",
 };
 
-/// The quantities of the optimum, the model's size first: N and D where the vocabulary's parameters are not told
-/// apart.
+/// The quantities of the optimum, the model's size first: only N and D if the vocabulary's parameters are not
+/// separate.
 pub fn quantities(size_alone: bool) -> &'static [Quantity] {
     if size_alone { &[SIZE, TOKENS] } else { &[NONVOCAB, VOCAB, TOKENS] }
 }
 
 impl Quantity {
-    /// Its exponent, where it is determined.
+    /// Its exponent, if determined.
     pub fn exponent_of<'a>(&self, answer: &'a Answer) -> Option<&'a Exponent> {
         answer.exponents.of(self.symbol).filter(|own| own.value.is_some())
     }
 
-    /// C, the value there and its 95 % interval along the fitted budgets; empty where the exponent is not
+    /// C, the value there and its 95 % interval along the fitted budgets; empty if the exponent is not
     /// determined.
     pub fn path(&self, answer: &Answer) -> Vec<(f64, Coefficient)> {
         let told = self.exponent_of(answer).is_some();

@@ -1,4 +1,4 @@
-//! From a page to the bytes of a file: SVG, whose text a reader can select and search; PNG, through plotters'
+//! Encodes a page as a file: SVG, with selectable and searchable text; PNG, through plotters'
 //! bitmap backend; PDF in [`pdf`].
 //!
 //! plotters counts in whole pixels, so a PNG is drawn at `SUPERSAMPLE` times its size and averaged down.
@@ -53,7 +53,7 @@ const SVG_UNITS: f64 = 10.0;
 /// A text's point is this many ems above its baseline.
 const HANG_EM: f64 = 0.76;
 
-/// The whole document, with elements of one's own before and after those of the page.
+/// The whole document, with extra elements before and after those of the page.
 pub fn svg(scene: &Scene, before: &str, after: &str) -> String {
     let (w, h) = (scene.width, scene.height);
     let mut document = format!(
@@ -167,7 +167,7 @@ fn place((x, y): Point) -> (i32, i32) {
     ((x * SAMPLES).round() as i32, (y * SAMPLES).round() as i32)
 }
 
-/// A plotters backend that is told page pixels.
+/// A plotters backend in page pixels.
 struct Pen<'a>(BitMapBackend<'a>);
 
 impl Pen<'_> {

@@ -1,4 +1,4 @@
-//! Looks of the series of a figure; and what they mean, in a column right of the data.
+//! Styles of the series of a figure, and their legend in a column right of the data.
 
 use super::axis::scientific;
 use super::cells::ModelSize;
@@ -56,7 +56,7 @@ pub fn law_stroke(colour: Rgb) -> Stroke {
     Stroke::solid(colour, 2.0)
 }
 
-/// The sample beside a legend's text.
+/// The sample next to a legend's text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sample {
     Line(Stroke),
@@ -142,7 +142,7 @@ impl Legend {
     }
 }
 
-/// From the baseline of the row before to that of this one: a heading has air above it.
+/// Distance from the baseline of the previous row: headings have extra space above.
 fn advance(i: usize, row: &Row) -> f64 {
     match row {
         Row::Heading(_) if i > 0 => 1.5 * ROW,

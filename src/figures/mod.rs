@@ -1,4 +1,4 @@
-//! From a table of runs and its laws to the figures of a paper, as SVG, PNG and PDF.
+//! Draws the figures of a paper from a table of runs and its laws, as SVG, PNG and PDF.
 //!
 //! Each figure is a function from `Sources` to a page (`scene::Scene`) or to the reason why there is
 //! none. To add one, write such a function and name it in `FIGURES`.
@@ -6,13 +6,13 @@
 //! | layer | files |
 //! | --- | --- |
 //! | the figures | `runs`, `best_loss`, `optima`, `tokenizers`, `quality` |
-//! | what is shown | `sources`, `cells` (runs by model × vocabulary × budget), `fitted` (minima and laws) |
-//! | how a page is laid out | `page`, `panel`, `axis`, `legend` |
+//! | content | `sources`, `cells` (runs by model × vocabulary × budget), `fitted` (minima and laws) |
+//! | layout of a page | `page`, `panel`, `axis`, `legend` |
 //! | shapes and files | `scene`, `colour`, `font`, `formats` (SVG, PNG), `pdf` |
 //!
-//! Motions have pages of their own in [`motion`].
+//! Pages of motions are in [`motion`].
 //!
-//! The same input gives the same bytes: the typeface is in the binary, and a page holds no time.
+//! The same input gives the same bytes: the typeface is in the binary, and a page has no date.
 //!
 //! # Example
 //!
@@ -69,7 +69,7 @@ use cells::Shown;
 use scene::Scene;
 use sources::Sources;
 
-/// What [`draw_all`] wrote, and what it could not show.
+/// The files written by [`draw_all`], and the items that it could not show.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Drawn {
     /// A file of each format for each figure drawn.
@@ -102,7 +102,7 @@ const FIGURES: [Figure; 8] = [
     ("tokenizers", tokenizers::tokenizers),
 ];
 
-/// The figures that a sweep may have: one on one data set has no figure of data, and is not told so.
+/// The figures of a sweep. Without data shares it has no figure of data, and no note says so.
 fn figures(input: &FigureInput) -> impl Iterator<Item = Figure> {
     let has_shares = best_loss::has_shares(input.records);
     FIGURES.into_iter().filter(move |(name, _)| *name != LOSS_VS_DATA || has_shares)
@@ -113,15 +113,15 @@ pub fn names() -> [&'static str; FIGURES.len()] {
     FIGURES.map(|(name, _)| name)
 }
 
-/// Draws the figures that are wanted by name and that the input allows into `folder`, as `<name>.svg` and
-/// its kin.
+/// Draws into `folder` the figures that are wanted by name and that the input allows, as `<name>.svg`, `.png`
+/// and `.pdf`.
 ///
-/// The folder is made where it is missing; each file appears whole, by rename. The files are
-/// the same, byte for byte, at each call with the same input.
+/// The folder is made if it is missing; each file is renamed into place. The same input gives the same files,
+/// byte for byte.
 ///
 /// # Errors
 ///
-/// Where a file cannot be written, or the laws count FLOPs by a rule that no run records.
+/// A file cannot be written, or the laws count FLOPs by a rule that no run records.
 pub fn draw_all(
     input: &FigureInput,
     folder: &Path,
@@ -144,8 +144,8 @@ pub fn draw_all(
     Ok(drawn)
 }
 
-/// Writes a figure that stands by itself as `<name>.svg` and its kin: [`codes`], [`compare`], [`generators`] or
-/// [`quality`](quality()). Gives their paths.
+/// Writes a single figure in each format: [`codes`], [`compare`], [`generators`] or [`quality`](quality()).
+/// Returns the paths.
 ///
 /// # Errors
 ///
@@ -162,7 +162,7 @@ pub fn draw_alone(
     write(&scene, folder, name, formats)
 }
 
-/// Writes `<name>.svg` and its kin, each whole, by rename; gives their paths.
+/// Writes a figure in each format, renaming each file into place; returns the paths.
 fn write(
     scene: &Scene,
     folder: &Path,

@@ -16,7 +16,7 @@ use crate::laws::{Answer, Coefficient, Laws, Minimum, Parameters};
 
 // Against C.
 
-/// N_nv, N_v and D of the optimum against C, by the law to believe (ScaMo Fig. 7).
+/// N_nv, N_v and D of the optimum against C, by the recommended law (ScaMo Fig. 7).
 pub fn power_laws(sources: &Sources) -> Drawing {
     let laws = sources.laws()?;
     let (minima, answer) = (known_minima(laws)?, laws.answer());
@@ -104,8 +104,7 @@ pub fn vocab_vs_nonvocab(sources: &Sources) -> Drawing {
     Ok(Page { width: 1000.0, height: 620.0, title, remarks, legend }.panels(vec![plot]))
 }
 
-/// The law of ScaMo Eq. 10, and what the laws in C say of N_v at N_nv: there its exponent is a/b, not the γ of
-/// Eq. 10.
+/// The law of ScaMo Eq. 10, and N_v in N_nv by the laws in C, whose exponent is a/b, not the γ of Eq. 10.
 fn show_laws(plot: &mut Plot, legend: &mut Legend, laws: &Laws) {
     let (fitted, implied) = (law_stroke(LAW), law_stroke(SECOND_LAW).dashed());
     legend.heading("Nᵥ ∝ Nₙᵥ to the power γ");

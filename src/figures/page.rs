@@ -42,7 +42,7 @@ impl Page {
         scene
     }
 
-    /// Panels side by side, each with axes of its own.
+    /// Panels side by side, each with its own axes.
     pub fn panels(&self, plots: Vec<Plot>) -> Scene {
         let (mut scene, area, grid, left) = self.begin(&plots);
         let below = TICK_ROOM + NAME_ROOM;
@@ -57,8 +57,8 @@ impl Page {
         scene
     }
 
-    /// Writes title, remarks and legend; returns what is left for the panels, how they stand in it, and the room
-    /// left of the outermost.
+    /// Writes title, remarks and legend; returns the area of the panels, their arrangement, and the space left of the
+    /// outermost.
     fn begin(&self, plots: &[Plot]) -> (Scene, Rect, Grid, f64) {
         let mut scene = Scene::new(self.width, self.height);
         let mut lines = |text: &str, top, em, weight| {
@@ -135,7 +135,7 @@ impl Grid {
     }
 }
 
-/// What each of `n` gets of a length with gaps between them.
+/// The length of each of `n` parts with gaps between them.
 fn share(length: f64, n: usize, gap: f64) -> f64 {
     (length - gap * (n - 1) as f64) / n as f64
 }

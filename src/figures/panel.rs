@@ -44,7 +44,7 @@ impl Rect {
 /// Both sides of a band along x.
 type Band = Vec<(f64, [f64; 2])>;
 
-/// What a panel shows, in the values of its axes: bands below the grid, lines and marks above it.
+/// The content of a panel in data coordinates: bands below the grid, lines and marks above it.
 #[derive(Clone, Debug)]
 pub struct Plot {
     /// The first line in bold.
@@ -121,7 +121,7 @@ impl Plot {
 pub struct Panel {
     pub frame: Rect,
     pub plot: Plot,
-    /// Whether the ticks' values stand below and to the left.
+    /// Whether tick labels are drawn below and to the left.
     pub x_labels: bool,
     pub y_labels: bool,
 }
@@ -139,7 +139,7 @@ impl Panel {
         }
     }
 
-    /// Where a value lies on the page.
+    /// The page position of a value.
     fn at(&self, (x, y): Point) -> Point {
         let frame = &self.frame;
         let (x, y) = (self.plot.x.share(x), self.plot.y.share(y));
@@ -162,7 +162,7 @@ impl Panel {
         scene.line(&corners, Stroke::solid(FRAME, 1.0));
     }
 
-    /// One tick: a grid line to the far side where it is labelled, its mark, its value.
+    /// One tick: its mark, and if labelled its value and a grid line.
     fn tick(&self, scene: &mut Scene, at: Point, out: Point, far: Point, label: Option<&str>) {
         let length = if label.is_some() { TICK_LENGTH } else { MINOR_TICK_LENGTH };
         if label.is_some() {

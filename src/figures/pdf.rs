@@ -1,4 +1,4 @@
-//! From a page to a PDF: shapes as paths, text as text, and of its typeface the glyphs that it shows.
+//! Encodes a page as PDF: shapes as paths, text as text, with the used glyphs of its typeface.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -59,7 +59,7 @@ fn packed(bytes: &[u8]) -> Vec<u8> {
 
 /// Points, of which an inch has 72, for one of the page's pixels, of which it has 96.
 const POINTS: f64 = 0.75;
-/// How far the handles of a quarter of a circle of radius 1 reach, for the Bézier curve nearest to it.
+/// Length of the Bézier handles of a quarter of a unit circle.
 const QUARTER: f64 = 0.552_284_75;
 
 /// The operations that draw a page, in its pixels, y downwards.
@@ -146,19 +146,19 @@ fn parts(Rgb(r, g, b): Rgb) -> [f32; 3] {
 
 /// Objects of a face in a PDF: the font, its glyphs, their metrics, their characters, the file.
 const N_OBJECTS: usize = 5;
-/// The thickness of a face's stems, in thousandths of an em; viewers use it only where they have not the font.
+/// The thickness of a face's stems, in thousandths of an em; viewers use it only without the font.
 const STEM: f32 = 80.0;
 
-/// What a character is shown by.
+/// A glyph of a character.
 struct Glyph {
     number: u16,
     /// Its number in the whole face.
     id: u16,
-    /// From its pen to that of the next glyph, in ems.
+    /// Its advance, in ems.
     advance: f64,
 }
 
-/// Some glyphs of a face, numbered anew from 1.
+/// A subset of a face's glyphs, renumbered from 1.
 struct Subset {
     weight: Weight,
     glyphs: GlyphRemapper,
@@ -166,7 +166,7 @@ struct Subset {
 }
 
 impl Subset {
-    /// Those of a weight that a page shows; `None` where it shows none.
+    /// The glyphs of a weight on a page; `None` if there are none.
     fn of(scene: &Scene, weight: Weight) -> Option<Subset> {
         let texts = scene.shapes.iter().filter_map(|shape| match shape {
             Shape::Text(text) if text.weight == weight => Some(&text.content),
@@ -257,7 +257,7 @@ impl Subset {
         format!("{letters}+DejaVuSans{style}")
     }
 
-    /// The widths of glyph 0, which stands for a missing one, and of all others.
+    /// The widths of glyph 0 (the missing glyph) and of all others.
     fn widths(&self) -> Vec<f32> {
         let mut widths = vec![0.0; usize::from(self.glyphs.num_gids())];
         for glyph in self.of.values() {
@@ -266,7 +266,7 @@ impl Subset {
         widths
     }
 
-    /// What character each number stands for, so that text can be searched and copied.
+    /// The character of each number, so that text can be searched and copied.
     fn characters(&self) -> Vec<u8> {
         let mut map = UnicodeCmap::new(Name(b"Custom"), IDENTITY);
         self.of.iter().for_each(|(character, glyph)| map.pair(glyph.number, *character));

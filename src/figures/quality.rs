@@ -11,7 +11,7 @@ use super::sources::Drawing;
 use crate::record::Quality;
 use crate::scores::rank_correlation;
 
-/// An axis: its label, its scale, and what stands on it.
+/// An axis: its label, its scale, and its values.
 struct Quantity {
     label: &'static str,
     scale: Scale,
@@ -44,7 +44,7 @@ const PRECISION: Quantity = Quantity {
     of_truth: |row| row.mean("truth_r_precision_1"),
 };
 
-/// What each panel shows, along and up.
+/// The quantities of each panel, x and y.
 const PANELS: [[Quantity; 2]; 4] =
     [[LOSS, FID], [BUDGET, FID], [LOSS, PRECISION], [BUDGET, PRECISION]];
 
@@ -86,7 +86,7 @@ fn point(along: &Quantity, up: &Quantity, row: &Quality) -> Option<Point> {
 
 fn plot([along, up]: [&Quantity; 2], rows: &[Quality]) -> Result<Plot, String> {
     let values = |quantity: &Quantity| rows.iter().filter_map(quantity.of).collect::<Vec<f64>>();
-    // What true motions score.
+    // The scores of true motions.
     let truth: Vec<f64> = rows.iter().filter_map(up.of_truth).collect();
     let x = Axis::new(along.label, along.scale, values(along))?;
     let y = Axis::new(up.label, up.scale, values(up).into_iter().chain(truth.iter().copied()))?;

@@ -137,7 +137,7 @@ fn isoflop_plot(sources: &Sources, minima: &[&Minimum]) -> Result<Plot, String> 
     Ok(Plot::new([], x, y))
 }
 
-/// The minima of the parabolas where the laws hold them, else those of the laws' own method.
+/// The minima of the parabolas if the laws have them, else of the laws' own method.
 fn minima<'a>(sources: &Sources<'a>) -> Vec<&'a Minimum> {
     let Some(laws) = sources.input.laws else { return Vec::new() };
     let of = |method| laws.minima.iter().filter(move |minimum| minimum.method == method);

@@ -8,7 +8,7 @@ use super::font::Weight;
 /// (x, y) in page pixels.
 pub type Point = (f64, f64);
 
-/// Which end of a text stands at its point.
+/// The alignment of a text at its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     Start,
@@ -120,7 +120,7 @@ impl Marker {
     }
 }
 
-/// A marker's look: hollow ones stand for what should not be trusted.
+/// The style of a marker: hollow ones are flagged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mark {
     pub marker: Marker,

@@ -1,5 +1,5 @@
-//! What the figures of a sweep are drawn from, and what they call the loss and the size of a model: in a sweep,
-//! and in a table made elsewhere.
+//! The input of a sweep's figures, and the names of the loss and of the model's size, which differ between a sweep and
+//! another table.
 
 use thiserror::Error;
 
@@ -11,12 +11,12 @@ use crate::laws::{Laws, Parameters};
 use crate::record::RunRecord;
 use crate::spec::FlopsRule;
 
-/// What the figures of a sweep are drawn from.
+/// The input of a sweep's figures.
 #[derive(Clone, Copy, Debug)]
 pub struct FigureInput<'a> {
     /// The sweep's name, at the head of each figure.
     pub title: &'a str,
-    /// What the loss is called, if it is not L_u: the column or expression of a table.
+    /// The name of the loss, if it is not L_u: the column or expression of a table.
     pub loss_name: Option<&'a str>,
     pub records: &'a [RunRecord],
     pub laws: Option<&'a Laws>,
@@ -40,7 +40,7 @@ pub enum FigureError {
 /// A page, or the reason why there is none.
 pub type Drawing = Result<Scene, String>;
 
-/// What a figure is drawn from: the input, and its runs in cells.
+/// The source of a figure: the input, and its runs in cells.
 pub struct Sources<'a> {
     pub input: &'a FigureInput<'a>,
     pub cells: Cells,
@@ -86,7 +86,7 @@ impl<'a> Sources<'a> {
         if self.input.loss_name.is_none() { ["Lᵤ", " nats"] } else { ["L", ""] }
     }
 
-    /// Whether the vocabulary's parameters are not told apart.
+    /// Whether the vocabulary's parameters are not separate.
     pub fn knows_size_alone(&self) -> bool {
         match self.input.laws {
             Some(laws) => laws.parameters == Parameters::Total,
@@ -94,7 +94,7 @@ impl<'a> Sources<'a> {
         }
     }
 
-    /// An error where there is no vocabulary to show.
+    /// An error if there is no vocabulary to show.
     pub fn needs_vocabulary(&self) -> Result<(), String> {
         let is_known = !self.knows_size_alone() || self.input.loss_name.is_none();
         is_known.then_some(()).ok_or("the vocabulary's parameters are not told apart".to_owned())
@@ -106,7 +106,7 @@ impl<'a> Sources<'a> {
     }
 }
 
-/// The rule of a sweep by default, or that of a table which counts by one rule alone.
+/// The default rule of a sweep, or the only rule of a table.
 fn counted(records: &[RunRecord]) -> FlopsRule {
     let usual = FlopsRule::default();
     let others = [FlopsRule::SixNd, FlopsRule::OpenAi, FlopsRule::Exact];
@@ -114,7 +114,7 @@ fn counted(records: &[RunRecord]) -> FlopsRule {
     [usual].into_iter().chain(others).find(has).unwrap_or(usual)
 }
 
-/// An error where there are more `things` than a legend can list.
+/// An error if there are more `things` than a legend can list.
 pub fn few_enough(count: usize, things: &str) -> Result<(), String> {
     let is_few = count <= 100;
     is_few.then_some(()).ok_or_else(|| format!("{count} {things} are too many to tell apart"))

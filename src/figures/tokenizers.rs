@@ -1,4 +1,4 @@
-//! The tokenizers of a sweep beside one another, and the codes of one.
+//! The tokenizers of a sweep in comparison, and the codes of one.
 
 use std::collections::BTreeMap;
 
@@ -152,15 +152,15 @@ fn in_capitals(name: &str) -> String {
     }
 }
 
-/// What any tokenizer has to beat.
+/// The baseline.
 fn k_means() -> Stroke {
     Stroke::solid(MUTED, 1.6)
 }
 
 // The codes of one.
 
-/// The codes of a tokenizer, scale by scale: how often each is met, and where they lie (LG-Tok, Figs. 6 and 7);
-/// or the reason why there is no page.
+/// The codes of a tokenizer, scale by scale: their frequencies and embeddings (LG-Tok, Figs. 6 and 7); or the reason
+/// why there is no page.
 pub fn codes(title: &str, map: &CodeMap) -> Drawing {
     // Scales are many and overlap: circles, dark to light.
     let circle = |look| Look { marker: Marker::Circle, ..look };

@@ -1,5 +1,6 @@
-//! [`Assignment`]: a job in the hands of a worker, and files that the worker finds damaged.
+//! [`Assignment`]: the job of a worker, and the repair of damaged files.
 
+use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -20,9 +21,17 @@ use crate::sweep::Sweep;
 
 /// The weights of a finished run, in its folder.
 pub const MODEL: &str = "model.safetensors";
+/// The note in that file that names the run.
+pub const OF_RUN: &str = "run";
+
+/// Its notes.
+pub fn weights_notes(run_id: &str) -> HashMap<String, String> {
+    HashMap::from([(OF_RUN.to_string(), run_id.to_string())])
+}
+
 /// The validation curve of a finished run, a line a measurement, in its folder.
 pub const LOG: &str = "log.jsonl";
-/// What a finished run has on each clip of the test split, a line a clip, in its folder.
+/// The file of a finished run's results on each clip of the test split, one line per clip.
 pub const TEST_CLIPS: &str = "test.jsonl";
 
 /// How a job ended, seen from inside.
@@ -44,7 +53,7 @@ pub struct Assignment<'a> {
 }
 
 impl<'a> Assignment<'a> {
-    /// The same for another job, which has to be done first.
+    /// The same for a dependency.
     pub fn of<'b>(&self, job: &'b JobId) -> Assignment<'b>
     where
         'a: 'b,
@@ -62,12 +71,12 @@ impl<'a> Assignment<'a> {
         self.folder.checkpoint(self.job)
     }
 
-    /// Where the job's result lies.
+    /// The path of the job's result.
     pub fn product(&self) -> PathBuf {
         self.folder.product(self.job)
     }
 
-    /// What the job is to make.
+    /// The specification of the job.
     ///
     /// # Errors
     /// The file is missing or damaged.
@@ -83,7 +92,7 @@ impl<'a> Assignment<'a> {
         Ok(self.folder.sweep()?)
     }
 
-    /// The motion of the sweep.
+    /// Opens the motion of the sweep.
     ///
     /// # Errors
     /// It cannot be opened.
@@ -91,7 +100,7 @@ impl<'a> Assignment<'a> {
         Ok(data::open(&self.sweep()?.data, None)?)
     }
 
-    /// How often to leave a checkpoint.
+    /// Time between checkpoints.
     ///
     /// # Errors
     /// The sweep cannot be read.
@@ -112,7 +121,7 @@ impl<'a> Assignment<'a> {
     }
 }
 
-/// What a job is to make.
+/// The specification of a job.
 ///
 /// # Errors
 /// The file is missing or damaged.
@@ -135,8 +144,7 @@ pub fn put_away(path: &Path, error: &FileError, instead: &str) -> Result<()> {
     Ok(())
 }
 
-/// Trains; where one of the states that training may begin from turns out to be damaged, again without
-/// it. `None`: stopped.
+/// Trains; if a state to start from is damaged, trains again without it. `None` if stopped.
 ///
 /// # Errors
 /// Training failed, or the folder cannot be written to.
@@ -159,9 +167,9 @@ pub fn train_past_damage<T, E: TrainingError + Into<anyhow::Error>>(
     }
 }
 
-/// What a job has made, opened; where it is damaged or gone, the job is done again here first, by `work`.
+/// Opens the product of a job; if it is damaged or gone, the job is first run again here, by `work`.
 ///
-/// Workers that need the same file wait for the one that makes it.
+/// Workers that need the same file wait for the worker that makes it.
 ///
 /// # Errors
 /// It can neither be opened nor made.

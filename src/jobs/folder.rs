@@ -1,4 +1,4 @@
-//! [`ResultsFolder`]: where everything of a sweep lies, and what state each job is in.
+//! [`ResultsFolder`]: the files of a sweep, and the state of each job.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -13,32 +13,33 @@ use crate::codes::TokenizerMetrics;
 use crate::failure::{Failure, FailureKind};
 use crate::files::{FileError, read_if_there};
 use crate::laws::Validated;
+use crate::plan::ScoreJob;
 use crate::record::RunRecord;
 use crate::sweep::{self, Sweep, SweepErrors};
 
-/// Where a job keeps its checkpoint, in its folder.
+/// The checkpoint of a job, in its folder.
 pub const CHECKPOINT: &str = "checkpoint";
 
-/// How far a job is.
+/// The state of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JobState {
-    /// Its record is there.
+    /// It has a record.
     Done,
-    /// It ended with a failure, and is tried again only when asked for.
+    /// It failed, and is retried only on request.
     Failed,
-    /// It left a checkpoint to go on from.
+    /// It has a checkpoint to resume from.
     Started,
     /// Nothing is there.
     Missing,
 }
 
-/// How far the runs of a folder are, as seen at one time.
+/// The states of all runs of a folder at one time.
 #[derive(Clone, Debug, Default)]
 pub struct RunStates(HashMap<String, JobState>);
 
 impl RunStates {
-    /// How far a run is.
+    /// The state of a run.
     pub fn of(&self, run_id: &str) -> JobState {
         self.0.get(run_id).copied().unwrap_or(JobState::Missing)
     }
@@ -61,7 +62,7 @@ impl ResultsFolder {
         &self.root
     }
 
-    /// The sweep's name: that of the folder.
+    /// The sweep's name, from the folder.
     pub fn name(&self) -> String {
         let full = fs::canonicalize(&self.root).unwrap_or_else(|_| self.root.clone());
         full.file_name().map_or_else(|| "sweep".into(), |name| name.to_string_lossy().into_owned())
@@ -80,7 +81,7 @@ impl ResultsFolder {
         self.root.join(name)
     }
 
-    /// Where each generator of a sweep with several has its laws.
+    /// The folder of a generator's laws, in a sweep with several generators.
     pub fn generators(&self) -> PathBuf {
         self.file("generators")
     }
@@ -105,12 +106,12 @@ impl ResultsFolder {
         self.job(job).join(CHECKPOINT).join("state.safetensors")
     }
 
-    /// The file that says what a job is to make.
+    /// The specification file of a job.
     pub fn spec(&self, JobId { kind, id }: &JobId) -> PathBuf {
         self.file(kind.spec(id))
     }
 
-    /// What a job is to make; `None` if its spec is missing.
+    /// The specification of a job; `None` if it is missing.
     ///
     /// # Errors
     /// The spec is damaged.
@@ -118,12 +119,12 @@ impl ResultsFolder {
         read_if_there(&self.spec(job))
     }
 
-    /// The same; `None` if it is damaged, too.
+    /// The same; `None` if it is missing or damaged.
     pub fn known_spec<T: DeserializeOwned>(&self, job: &JobId) -> Option<T> {
         self.read_spec(job).ok().flatten()
     }
 
-    /// How far a job is.
+    /// The state of a job.
     pub fn state(&self, job: &JobId) -> JobState {
         let folder = self.job(job);
         if self.product(job).exists() {
@@ -157,8 +158,8 @@ impl ResultsFolder {
         self.product(&JobId::new(JobKind::Text, text_id))
     }
 
-    /// How far each run is that has a folder, by id; the others are missing. One listing of the
-    /// folder, and a look into those that are there.
+    /// The states of runs with a folder, by id; other runs are missing. Lists the folder once, and looks into existing
+    /// ones.
     pub fn run_states(&self) -> RunStates {
         let listed = fs::read_dir(self.root.join("runs")).into_iter().flatten().flatten();
         let name = |entry: fs::DirEntry| entry.file_name().to_str().map(str::to_string);
@@ -166,9 +167,9 @@ impl ResultsFolder {
         RunStates(listed.filter_map(name).map(known).map(|(state, id)| (id, state)).collect())
     }
 
-    /// The record of a finished run; `None` where it has none.
+    /// The record of a finished run; `None` if it has none.
     pub fn record(&self, run_id: &str) -> Result<Option<RunRecord>, FileError> {
-        read_if_there(&self.run(run_id).join("record.json"))
+        self.own_product(&JobId::run(run_id))
     }
 
     /// The failure of a job that ended with one. One that is damaged is a failure all the same.
@@ -186,7 +187,7 @@ impl ResultsFolder {
 
     /// The metrics of a finished tokenizer.
     pub fn metrics(&self, tokenizer_id: &str) -> Result<Option<TokenizerMetrics>, FileError> {
-        read_if_there(&self.tokenizer(tokenizer_id).join("metrics.json"))
+        self.own_product(&JobId::new(JobKind::Tokenizer, tokenizer_id))
     }
 
     /// The folder of an evaluator.
@@ -194,13 +195,13 @@ impl ResultsFolder {
         self.job(&JobId::new(JobKind::Evaluator, evaluator_id))
     }
 
-    /// What the motions of a run score.
+    /// The scores of a run's motions.
     pub fn scores(&self, score_id: &str) -> Result<Option<RunScores>, FileError> {
-        read_if_there(&self.product(&JobId::new(JobKind::Score, score_id)))
+        self.own_product(&JobId::new(JobKind::Score, score_id))
     }
 
-    /// Metrics of every finished tokenizer that lies here, by vocabulary; `warn` is told of each
-    /// file that is damaged, which is left out.
+    /// Metrics of every finished tokenizer in the folder, by vocabulary; damaged files are left out, with a call of
+    /// `warn`.
     ///
     /// # Errors
     /// The folder cannot be listed.
@@ -223,7 +224,7 @@ impl ResultsFolder {
         entries.map(|entry| entry.path()).filter(|path| path.is_dir())
     }
 
-    /// Every validation that has ended, by budget; `warn` is told of each file that is damaged, which is left out.
+    /// Every finished validation, by budget; damaged files are left out, with a call of `warn`.
     pub fn validations(&self, mut warn: impl FnMut(String)) -> Vec<Validated> {
         let mut all: Vec<Validated> = Vec::new();
         for path in self.validation_folders().map(|path| path.join("validation.json")) {
@@ -236,8 +237,19 @@ impl ResultsFolder {
         all
     }
 
+    /// What a finished job has made, if it is its own: a copy of another's is damaged.
+    pub(super) fn own_product<T: Product>(&self, job: &JobId) -> Result<Option<T>, FileError> {
+        let path = self.product(job);
+        match read_if_there::<T>(&path)? {
+            Some(product) if !product.is_of(job, self) => {
+                Err(FileError::damaged(&path, "it is a copy of another job's"))
+            }
+            product => Ok(product),
+        }
+    }
+
     /// The products of all finished jobs of a kind, by a key; each that is damaged is left out.
-    pub(super) fn products<T: DeserializeOwned, K: Ord>(
+    pub(super) fn products<T: Product, K: Ord>(
         &self,
         kind: JobKind,
         key: impl FnMut(&T) -> K,
@@ -249,12 +261,65 @@ impl ResultsFolder {
         }
         let mut products: Vec<T> = Vec::new();
         for entry in fs::read_dir(folder)? {
-            match read_if_there::<T>(&entry?.path().join(kind.product())) {
+            match self.own_product(&JobId::new(kind, entry?.file_name().to_string_lossy())) {
                 Ok(found) => products.extend(found),
                 Err(error) => warn(error.to_string()),
             }
         }
         products.sort_by_key(key);
         Ok(products)
+    }
+}
+
+/// What the last file of a job holds.
+pub(super) trait Product: DeserializeOwned {
+    /// Whether it says that this job made it.
+    fn is_of(&self, job: &JobId, folder: &ResultsFolder) -> bool;
+}
+
+impl Product for RunRecord {
+    fn is_of(&self, job: &JobId, _: &ResultsFolder) -> bool {
+        self.planned.run_id == job.id
+    }
+}
+
+impl Product for TokenizerMetrics {
+    fn is_of(&self, job: &JobId, _: &ResultsFolder) -> bool {
+        self.tokenizer_id == job.id
+    }
+}
+
+impl Product for RunScores {
+    /// Scores name their run alone.
+    fn is_of(&self, job: &JobId, folder: &ResultsFolder) -> bool {
+        let spec = folder.known_spec::<ScoreJob>(job);
+        spec.is_none_or(|spec| spec.run_id == self.run_id)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::atomic::write_json;
+
+    #[test]
+    fn a_copy_of_another_runs_record_is_damaged() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = ResultsFolder::new(place.path());
+        let record = include_str!("../../tests/fixtures/record-format-1.json");
+        let record: RunRecord = serde_json::from_str(record).unwrap();
+        let own = record.planned.run_id.as_str();
+        for id in [own, "another"] {
+            write_json(&folder.run(id).join("record.json"), &record).unwrap();
+        }
+        assert_eq!(folder.record(own).unwrap().as_ref(), Some(&record));
+        let error = folder.record("another").unwrap_err();
+        assert!(error.is_damage(), "{error}");
+        let told = error.to_string();
+        assert!(told.contains("a copy of another job's") && told.contains("trains the run again"));
+        let mut warnings = Vec::new();
+        let key = |record: &RunRecord| record.planned.run_id.clone();
+        let all = folder.products(JobKind::Run, key, |line| warnings.push(line)).unwrap();
+        assert_eq!((all, warnings.len()), (vec![record], 1));
     }
 }

@@ -50,7 +50,7 @@ pub struct Gpu {
     pub source: MfuSource,
 }
 
-/// Where an MFU comes from.
+/// The source of an MFU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "source", rename_all = "lowercase")]
 pub enum MfuSource {
@@ -63,8 +63,7 @@ pub enum MfuSource {
 }
 
 impl Gpu {
-    /// The card with the MFU of the finished runs in the folder; without such runs with the MFU `told`; without
-    /// either with that of the table.
+    /// The card with the MFU of finished runs in the folder; else with `told`; else from the table.
     pub fn new(
         card: &'static Card,
         told: Option<f64>,
@@ -83,8 +82,8 @@ impl Gpu {
         }
     }
 
-    /// MFU of a model with `params_nonvocab` parameters (N_nv): between known sizes linear in logarithms, above
-    /// them as the largest. Below the smallest measured size it falls as that of the table does.
+    /// MFU of a model with `params_nonvocab` parameters (N_nv): linear in logarithms between known sizes, constant above
+    /// the largest. Below the smallest measured size it falls like the table.
     pub fn mfu(&self, params_nonvocab: usize) -> f64 {
         let known = rate_at(&self.mfu, params_nonvocab);
         let least = self.mfu.first().map_or(1.0, |(n, _)| *n) as usize;
@@ -102,7 +101,7 @@ impl Gpu {
         self.hours_of(&run.spec, run.own_flops(), run.own_flops() / run.spec.budget_flops)
     }
 
-    /// The same for what runs share.
+    /// The same for trunks.
     pub fn trunk_hours(&self, trunk: &Trunk) -> f64 {
         self.hours_of(&trunk.spec, trunk.flops, 1.0)
     }
@@ -119,8 +118,8 @@ impl Gpu {
         (START_S + products_s + optimiser_s) / 3600.0
     }
 
-    /// Hours of the runs and trunks among these jobs. They are counted one after another, although small models
-    /// leave room for others on the card: what side by side saves is not known.
+    /// Hours of the runs and trunks among these jobs, one after another, although small models leave room on the card: the
+    /// saving by parallel runs is unknown.
     pub fn hours(&self, plan: &Plan, jobs: &[Job]) -> f64 {
         let wanted: HashSet<&str> = jobs.iter().map(|job| job.id.id.as_str()).collect();
         let runs = plan.runs.iter().filter(|run| wanted.contains(run.run_id.as_str()));
@@ -143,8 +142,8 @@ fn finished(card: &Card, plan: &Plan, folder: &ResultsFolder) -> Vec<(usize, Run
     plan.runs.iter().filter_map(own).collect()
 }
 
-/// Says how many runs do not fit on the card, and what the largest needs; `None` if all fit, as far as that is
-/// known: not of a user's program.
+/// A sentence on runs that do not fit on the card, and the need of the largest; `None` if all fit, or for a user's
+/// trainer.
 pub fn too_large<'a>(
     card: &Card,
     runs: impl IntoIterator<Item = &'a PlannedRun>,

@@ -1,4 +1,4 @@
-//! The graph of jobs: [`missing_jobs`] is all that a plan still wants.
+//! The dependency graph of jobs: [`missing_jobs`] lists the unfinished jobs of a plan.
 
 use std::collections::{HashMap, HashSet};
 
@@ -6,21 +6,20 @@ use super::folder::{JobState, ResultsFolder};
 use super::job::{Job, JobId, JobKind};
 use crate::plan::Plan;
 
-/// All but the runs of a plan: what they need, each after what it needs itself, and what needs them.
+/// All jobs of a plan except runs: their dependencies, in order, and their dependents.
 pub fn inputs(plan: &Plan) -> Vec<Job> {
     let kinds = JobKind::ALL.into_iter().filter(|kind| *kind != JobKind::Run);
     kinds.flat_map(|kind| kind.jobs(plan)).collect()
 }
 
-/// Every job of a plan, finished ones too, each after what it needs itself.
+/// Every job of a plan, including finished ones, in order of dependency.
 pub fn all_jobs(plan: &Plan) -> impl Iterator<Item = Job> {
     JobKind::ALL.into_iter().flat_map(|kind| kind.jobs(plan))
 }
 
-/// The jobs whose results are not in the folder and that can be had, the most urgent first: what
-/// the longest chain of work waits for.
+/// The unfinished jobs that can be done, the most urgent first: those with the longest chain of dependent work.
 ///
-/// What failed is not among them, nor what needs it; what is there already is no job's need.
+/// Failed jobs and their dependents are left out; finished jobs are no dependencies.
 pub fn missing_jobs(plan: &Plan, folder: &ResultsFolder) -> Vec<Job> {
     let is_open = |state| matches!(state, JobState::Missing | JobState::Started);
     let open = |id: &JobId| is_open(folder.state(id));
@@ -58,11 +57,11 @@ pub fn missing_jobs(plan: &Plan, folder: &ResultsFolder) -> Vec<Job> {
     by_urgency(jobs)
 }
 
-/// Those of missing jobs that are wanted, and what they need; in the same order.
+/// The wanted jobs among missing ones, and their dependencies, in the same order.
 pub fn with_needs(mut jobs: Vec<Job>, is_wanted: impl Fn(&Job) -> bool) -> Vec<Job> {
     let wanted = jobs.iter().filter(|job| is_wanted(job));
     let mut kept: HashSet<JobId> = wanted.map(|job| job.id.clone()).collect();
-    // What a job needs is at least as urgent, and comes before it.
+    // Dependencies are at least as urgent, and come first.
     for job in jobs.iter().rev() {
         if kept.contains(&job.id) {
             kept.extend(job.needs.iter().cloned());
@@ -72,7 +71,7 @@ pub fn with_needs(mut jobs: Vec<Job>, is_wanted: impl Fn(&Job) -> bool) -> Vec<J
     jobs
 }
 
-/// Picks what is needed out of all inputs, as the runs that need it come.
+/// Picks the dependencies out of all inputs, in the order of the runs.
 struct Wanted<'a> {
     folder: &'a ResultsFolder,
     inputs: HashMap<JobId, Job>,
@@ -94,7 +93,7 @@ impl<'a> Wanted<'a> {
         Self { folder, inputs, known: HashMap::new(), jobs: Vec::new() }
     }
 
-    /// The job with only those needs left that are still to be made; `None` where one is lost.
+    /// The job with only those needs left that are still to be made; `None` if one is lost.
     fn take(&mut self, mut job: Job) -> Option<Job> {
         let needed: Vec<Availability> =
             job.needs.iter().map(|need| self.availability(need)).collect();
@@ -127,7 +126,7 @@ impl<'a> Wanted<'a> {
 fn by_urgency(jobs: Vec<Job>) -> Vec<Job> {
     let mut waiting: HashMap<&JobId, f64> = HashMap::new();
     let mut urgency = vec![0.0; jobs.len()];
-    // What needs a job comes after it, so backwards every one is known when it is asked for.
+    // Dependents come later, so going backwards every one is known when needed.
     for (job, urgency) in jobs.iter().zip(&mut urgency).rev() {
         *urgency = job.cost + waiting.get(&job.id).copied().unwrap_or(0.0);
         for need in &job.needs {

@@ -1,4 +1,4 @@
-//! How fast the jobs of a folder were: [`known`].
+//! The measured speed of a folder's jobs: [`known`].
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fs;
@@ -14,9 +14,9 @@ use crate::plan::{Plan, PlannedRun};
 use crate::record::{RunRecord, flops_per_second};
 use crate::sweep::Stage;
 
-/// Where a scheduler writes when each job ran.
+/// The file of job times.
 pub const SCHEDULE: &str = "schedule.jsonl";
-/// Where a sweep's speed is noted that was measured before its first run.
+/// The file of a sweep's speed, timed before its first run.
 const PROBED: &str = "speed.json";
 
 /// Notes a speed that was measured before there are finished runs.
@@ -34,11 +34,11 @@ pub struct Finished {
     pub inputs: HashMap<JobId, f64>,
 }
 
-/// Records that are read: as many tell the speed as well as all.
+/// Most records that are read: enough to estimate the speed.
 const SAMPLE: usize = 200;
 
 impl Finished {
-    /// What is done of a plan. A damaged record is left out.
+    /// The finished work of a plan, without damaged records.
     pub fn of(plan: &Plan, folder: &ResultsFolder) -> Self {
         let states = folder.run_states();
         let done = |run: &&PlannedRun| states.of(&run.run_id) == JobState::Done;
@@ -47,8 +47,8 @@ impl Finished {
         Self::read(folder, &done, &inputs(plan)).0
     }
 
-    /// What is done of runs, of which parameters and ids are given, and the cost of the other jobs among these; and
-    /// what was wrong with records. The records that are read are spread over all.
+    /// The finished work of runs with given parameters and ids, and the cost of the other jobs among these; and problems
+    /// of records. The records read are spread over all.
     pub fn read(
         folder: &ResultsFolder,
         done: &[(usize, &str)],
@@ -68,8 +68,8 @@ impl Finished {
     }
 }
 
-/// The speed of a folder's jobs: that which was measured before, as far as finished jobs bear it out; without
-/// one, that of finished jobs. `None` if neither tells how fast runs are.
+/// The speed of a folder's jobs: timed before the first run and corrected by finished jobs; otherwise from finished
+/// jobs alone. `None` if the speed of runs is unknown.
 pub fn known(folder: &ResultsFolder, finished: &Finished) -> Option<Speed> {
     let runs = rates(finished.runs.iter().cloned());
     let inputs = rate_of_inputs(folder, &finished.inputs);

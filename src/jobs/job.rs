@@ -1,4 +1,4 @@
-//! [`JobKind`], [`JobId`] and [`Job`]: one thing to do, by its kind and what it makes, and what it waits for.
+//! [`JobKind`], [`JobId`] and [`Job`]: a job, by its kind and product, with its dependencies.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -15,7 +15,7 @@ use crate::plan::{
 use crate::spec::{ModelShape, TokenizerJob};
 use crate::sweep::Stage;
 
-/// A kind of job, in the order in which they are needed: each needs only what stands before it, or its own kind.
+/// A kind of job, in order of dependency: each depends only on earlier kinds, or on its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JobKind {
@@ -27,7 +27,7 @@ pub enum JobKind {
     Tokens,
     /// Trains a trunk, from the one that it goes on from, up to where runs branch off.
     Trunk,
-    /// Trains a run: what a sweep is for. What follows is done beside it or after it.
+    /// Trains a run, the goal of a sweep. Later kinds run next to it or after it.
     Run,
     /// Trains an evaluator and measures its gates.
     Evaluator,
@@ -47,7 +47,7 @@ impl JobKind {
         Self::Score,
     ];
 
-    /// Its word, the name of many of them, its role for a run, and the file that it writes last.
+    /// Its word, the plural, its role for a run, and the file that it writes last.
     fn facts(self) -> [&'static str; 4] {
         match self {
             Self::Text => ["text", "text", "the embedding of captions", "vectors.safetensors"],
@@ -70,7 +70,7 @@ impl JobKind {
         self.facts()[1]
     }
 
-    /// What a failure of one such job means for a run: `its tokenizer`.
+    /// Its role in the message of a run that waits for it: `its tokenizer`.
     pub fn role(self) -> &'static str {
         self.facts()[2]
     }
@@ -88,7 +88,7 @@ impl JobKind {
         }
     }
 
-    /// The file in a sweep's folder that says what the job of an id is to make.
+    /// The specification file of a job by id, in a sweep's folder.
     pub fn spec(self, id: &str) -> PathBuf {
         match self {
             Self::Text => PathBuf::from("sweep.yaml"),
@@ -106,8 +106,7 @@ impl JobKind {
         }
     }
 
-    /// Whether its product is shown by itself, so that it is made again where it is gone although
-    /// nothing that needs it is missing.
+    /// Whether its product is a result, so that it is remade if lost even if no job depends on it.
     pub fn is_result(self) -> bool {
         matches!(self, Self::Tokenizer | Self::Evaluator | Self::Score)
     }
@@ -131,7 +130,7 @@ pub struct JobId {
 }
 
 impl JobId {
-    /// The job of a kind that makes what `id` names.
+    /// The job of a kind with this id.
     pub fn new(kind: JobKind, id: impl Into<String>) -> Self {
         Self { kind, id: id.into() }
     }
@@ -157,13 +156,13 @@ pub struct Job {
     /// FLOPs, to order jobs and to weigh progress; a rough figure for all that does not train a
     /// generator.
     pub cost: f64,
-    /// Memory expected at its peak, in bytes; 0 where that is not known.
+    /// Memory expected at its peak, in bytes; 0 if that is not known.
     pub peak_bytes: u64,
-    /// What must be there first.
+    /// Its dependencies.
     pub needs: Vec<JobId>,
 }
 
-/// What tokenising costs, as a share of training the tokenizer.
+/// The cost of tokenising, as a fraction of training the tokenizer.
 const TOKENISING: f64 = 0.1;
 
 /// FLOPs that a motion counts for, as a multiple of the model's parameters: a forward pass a code.
@@ -208,7 +207,7 @@ fn tokenizer(job: &TokenizerJob, plan: &Plan) -> Job {
     }
 }
 
-/// FLOPs that training a tokenizer counts for, beside the budgets of runs.
+/// FLOPs of training a tokenizer, on the scale of the budgets of runs.
 fn tokenizer_cost(job: &TokenizerJob) -> f64 {
     let training = &job.spec.training;
     let frames = (training.steps * training.batch * training.window) as f64;
@@ -246,7 +245,7 @@ fn trunk(trunk: &Trunk) -> Job {
     }
 }
 
-/// The run that tries a program of somebody's own before the others: the cheapest.
+/// The run that tries a user's program before the others: the cheapest.
 fn canary(plan: &Plan) -> Option<&PlannedRun> {
     let cheapest = plan.runs.iter().min_by(|a, b| a.own_flops().total_cmp(&b.own_flops()));
     cheapest.filter(|_| plan.canary)
@@ -262,7 +261,7 @@ fn run(run: &PlannedRun, captions: &[JobId], canary: Option<&PlannedRun>, plan: 
         id: JobId::run(&run.run_id),
         label: run.spec.label(),
         cost: run.own_flops(),
-        // What a program of somebody's own takes is not known.
+        // The memory of a user's trainer is unknown.
         peak_bytes: run.known_peak_bytes().unwrap_or(0),
         needs: captions.iter().cloned().chain(first).chain(codes).chain(trunk).collect(),
     }
@@ -298,8 +297,8 @@ fn score(score: &ScoreJob, run: &PlannedRun, plan: &Plan) -> Job {
         id: JobId::new(JobKind::Score, score.id()),
         label: format!("score of {}", run.spec.label()),
         cost: motions as f64 * run.params.total() as f64 * FLOPS_PER_PARAMETER,
-        // A batch of motions in the making takes less than a step of training, and true motions are
-        // held as for the evaluator's gates.
+        // Generating a batch of motions needs less than a training step, and true motions are in memory as for the
+        // evaluator's gates.
         peak_bytes: run.peak_bytes + evaluating,
         needs: vec![JobId::run(run_id), JobId::new(JobKind::Evaluator, evaluator_id)],
     }

@@ -1,6 +1,6 @@
-//! What there is to do for a sweep.
+//! The jobs of a sweep.
 //!
-//! A [`JobKind`] says what it makes, where, from what and at what cost; [`work`] does it. [`JobKind::ALL`] lists them.
+//! A [`JobKind`] defines product, folder, inputs and cost; [`work`] runs a job. [`JobKind::ALL`] lists the kinds.
 //!
 //! # Example
 //!
@@ -96,12 +96,12 @@ pub fn work(assignment: &Assignment) -> Result<Outcome> {
     }
 }
 
-// What lies in a folder before its jobs are done.
+// Preparation of a folder for its jobs.
 
-/// Writes the specs of a plan's jobs into its folder; `warn` is told of each that was not as planned.
+/// Writes the specs of a plan's jobs into its folder; calls `warn` for each that differed.
 ///
-/// Which trunk a trunk goes on from depends on the sweep's budgets; its result does not. So those specs are written
-/// again each time.
+/// The trunk that another trunk continues depends on the sweep's budgets, but its result does not. So these specs are
+/// rewritten each time.
 ///
 /// # Errors
 /// The folder cannot be written to.
@@ -148,8 +148,8 @@ where
     atomic::write_json_unflushed(path, value)
 }
 
-/// Copies the captions, tokenizers and codes of a plan that are done in `from` and not in `to`. Ids are
-/// by content, so what has the same id is the same.
+/// Copies finished captions, tokenizers and codes of a plan from `from` to `to`. Ids are hashes of content, so equal
+/// ids mean equal products.
 ///
 /// # Errors
 /// A file cannot be read or written.

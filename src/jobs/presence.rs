@@ -1,5 +1,5 @@
-//! Who is at work in a folder: a lock that dies with its owner, a note of who that is, and a file
-//! by which anybody who can write there asks for an end.
+//! Locks a folder: a lock that ends with its process, a note about the owner, and a file by which any user with write
+//! access asks for an end.
 
 use std::fs::{self, File, TryLockError};
 use std::path::Path;
@@ -16,7 +16,7 @@ const LOCK: &str = ".lock";
 const SCHEDULER: &str = ".scheduler.json";
 const CANCEL: &str = ".cancel";
 
-/// How often a scheduler looks whether somebody asked for an end.
+/// Time between checks for a request to end.
 const LOOK: Duration = Duration::from_millis(500);
 
 /// The process that schedules a sweep.
@@ -43,10 +43,10 @@ pub struct Held {
 }
 
 impl Held {
-    /// Takes the folder; where another process has it, calls `waiting` once and waits.
+    /// Locks the folder; if another process has it, calls `waiting` once and waits.
     ///
-    /// What asked an earlier scheduler for an end is forgotten. What asked while this process
-    /// waited is not: it stands for all that wanted the folder then.
+    /// Requests to an earlier scheduler are dropped. Requests made while this process waited are kept: they address every
+    /// process that wanted the folder then.
     ///
     /// # Errors
     /// The folder cannot be written to.
@@ -68,7 +68,7 @@ impl Held {
     }
 }
 
-/// Raises `stop` once somebody asks for an end by [`ask_to_end`].
+/// Raises `stop` when an end is requested by [`ask_to_end`].
 pub fn stop_when_asked(folder: &ResultsFolder, stop: &Stop) {
     let (path, stop) = (folder.file(CANCEL), stop.clone());
     std::thread::spawn(move || {
@@ -101,7 +101,7 @@ fn try_twice(lock: &File) -> Result<(), TryLockError> {
 /// Waits until no other worker has this job, and keeps it from others for as long as it lives.
 ///
 /// The worker of a scheduler that was killed may still be at its last step while the next
-/// scheduler starts another one. `None` where a stop was asked for first.
+/// scheduler starts another one. `None` if a stop was asked for first.
 pub fn claim(job: &Path, stop: &Stop) -> AnyResult<Option<File>> {
     let path = job.join(LOCK);
     let file = File::create(&path).map_err(FileError::write(&path))?;
@@ -126,21 +126,21 @@ pub fn is_held(folder: &ResultsFolder) -> bool {
     is_locked(folder.root())
 }
 
-/// Whether a process lives that holds the lock of a folder: a scheduler's or a worker's.
+/// Whether a living process holds the lock of a folder: a scheduler's or a worker's.
 ///
-/// What a dead process left there is no lock, so nothing depends on a clock.
+/// The lock of a dead process is released, so no clock is needed.
 pub fn is_locked(place: &Path) -> bool {
     let Ok(lock) = File::open(place.join(LOCK)) else { return false };
     matches!(lock.try_lock_shared(), Err(TryLockError::WouldBlock))
 }
 
-/// Who has the folder; `None` where nobody does, or where it has not said so yet.
+/// The owner of the folder; `None` if there is none, or it has not written its note yet.
 pub fn scheduler(folder: &ResultsFolder) -> Option<Scheduler> {
     let noted = read_if_there(&folder.file(SCHEDULER)).ok().flatten();
     noted.filter(|_| is_held(folder))
 }
 
-/// Asks whoever has the folder to end as it would for Ctrl-C, on this machine or another.
+/// Asks the owner of the folder to end as for Ctrl-C, on this machine or another.
 ///
 /// # Errors
 /// The folder cannot be written to.
@@ -149,12 +149,12 @@ pub fn ask_to_end(folder: &ResultsFolder) -> Result<(), FileError> {
     if path.exists() { Ok(()) } else { atomic::write_json(&path, &Scheduler::this()) }
 }
 
-/// Whether somebody asked for an end by [`ask_to_end`].
+/// Whether an end was requested by [`ask_to_end`].
 pub fn is_asked_to_end(folder: &ResultsFolder) -> bool {
     folder.file(CANCEL).exists()
 }
 
-/// Takes back what [`ask_to_end`] asked for.
+/// Withdraws the request of [`ask_to_end`].
 ///
 /// # Errors
 /// The folder cannot be written to.

@@ -1,4 +1,4 @@
-//! [`RunScores`]: what the motions of a run score.
+//! [`RunScores`]: the scores of a run's motions.
 
 use crate::motion::recover_joints;
 use crate::record::{Quality, RunRecord};
@@ -7,11 +7,11 @@ use crate::scores::{Physics, Repeated, physics};
 use crate::spec::ScoresSpec;
 use serde::{Deserialize, Serialize};
 
-/// What the motions of a run score, beside true motions and beside what no motion can be worse than.
+/// The scores of a run's motions, of true motions, and of motions with shuffled captions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunScores {
     pub run_id: String,
-    /// Scores are comparable only with those of the same evaluator.
+    /// Only scores by the same evaluator can be compared.
     pub evaluator_id: String,
     pub spec: ScoresSpec,
     /// The guidance that motions were made with.
@@ -27,7 +27,7 @@ pub struct RunScores {
     pub halves_fid: Repeated,
     /// True motions through the tokenizer.
     pub reconstructed: MotionScores,
-    /// Mean distance of motions of one caption; `None` where it was not asked for.
+    /// Mean distance of motions of one caption; `None` if it was not asked for.
     pub multimodality: Option<Repeated>,
     /// Bodies of the first repeat, and of the truth.
     pub made_physics: ScoredPhysics,
@@ -67,24 +67,24 @@ impl RunScores {
     }
 }
 
-/// How far motions are from what a body can do, on the mean.
+/// Mean physical implausibility of motions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScoredPhysics {
-    /// Motions that were looked at: those of four frames or more.
+    /// Number of motions used: those of four frames or more.
     pub n_motions: usize,
     #[serde(flatten)]
     pub mean: Physics,
 }
 
 impl ScoredPhysics {
-    /// That of motions, each `[T, 263]` row-major and raw, of `fps` frames a second; those below four
+    /// That of motions, each `[T, 263]` row-major and raw, of `fps` frames per second; those below four
     /// frames are not looked at.
     pub fn of<'a>(motions: impl IntoIterator<Item = &'a [f32]>, fps: f64) -> Self {
         let body = |motion: &[f32]| physics(&recover_joints(motion), fps).ok();
         Self::mean(&motions.into_iter().filter_map(body).collect::<Vec<_>>())
     }
 
-    /// The mean over bodies; zeros where there is none.
+    /// The mean over bodies; zeros if there is none.
     pub fn mean(bodies: &[Physics]) -> Self {
         let n = bodies.len().max(1) as f64;
         let mean = |of: fn(&Physics) -> f64| bodies.iter().map(of).sum::<f64>() / n;

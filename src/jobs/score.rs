@@ -1,4 +1,4 @@
-//! The motions of a run, scored: [`Scoring`] has them beside the truth, a repeat at a time.
+//! Scores the motions of a run against true motions, one repeat at a time: [`Scoring`].
 
 use std::path::PathBuf;
 
@@ -61,13 +61,13 @@ const BATCH: usize = 64;
 /// Motions that were made, and their bodies.
 type Made = (Embeddings, ScoredPhysics);
 
-/// Pools and pairs take their ChaCha streams from here on, one a repeat, far above those of motions.
+/// First ChaCha stream of pools and pairs, one per repeat, far above those of motions.
 const POOLS_STREAM: u64 = 1 << 41;
 
-/// The seed of the motions of MultiModality is as far behind those of repeats.
+/// Offset of the seed of MultiModality's motions from those of repeats.
 const MULTIMODAL_SEED: u64 = 1 << 32;
 
-/// What a run is scored by.
+/// The settings of scoring a run.
 pub struct Scoring<'a> {
     pub run: &'a TrainedRun,
     pub evaluator: &'a Evaluator,
@@ -102,7 +102,7 @@ impl<'a> Scoring<'a> {
         Ok(OneScore::of(&truth.motions, &made, &mut self.pools(index))?)
     }
 
-    /// What repeats make together, and what is scored but once.
+    /// Combines the repeats, with scores that are computed only once.
     ///
     /// # Errors
     /// As [`Scoring::repeat`].
@@ -133,7 +133,7 @@ impl<'a> Scoring<'a> {
         })
     }
 
-    /// The same motions over draws of pools and pairs.
+    /// The same motions over repeated draws of pools and pairs.
     fn several(&self, made: &Embedded) -> Result<MotionScores> {
         let truth = &self.truth.embedded.motions;
         let one = |index: usize| OneScore::of(truth, made, &mut self.pools(index));
@@ -181,7 +181,7 @@ impl<'a> Scoring<'a> {
         Ok(Some(Repeated::of(&drawn)?))
     }
 
-    /// What the run's tokenizer makes of the true motions.
+    /// The true motions, reconstructed by the run's tokenizer.
     fn reconstructed(&self) -> Result<Embeddings> {
         let tokenizer = &self.run.tokenizer;
         let through = |(features, text): (&Vec<f32>, &Vec<f32>)| {
@@ -218,13 +218,13 @@ impl<'a> Scoring<'a> {
         Ok(made.into_iter().map(|motion| motion.features).collect())
     }
 
-    /// The guidance that the run's generator is given: those that know none are given none.
+    /// The guidance of the run's generator; 0 for kinds without guidance.
     fn guidance(&self) -> f64 {
         if self.run.takes_guidance() { self.spec.guidance } else { 0.0 }
     }
 }
 
-// What a person looks at beside the scores.
+// Statistics in addition to scores.
 
 /// An element of `motions.json`.
 #[derive(Serialize)]
@@ -232,7 +232,7 @@ struct Sample<'a> {
     caption: &'a str,
     /// Frames.
     length: usize,
-    /// Frames a second.
+    /// Frames per second.
     fps: f64,
     run: &'a str,
 }

@@ -1,4 +1,4 @@
-//! How far jobs are: what a look at the folder of each tells.
+//! Progress of jobs, read from their folders.
 
 use serde::Serialize;
 
@@ -48,13 +48,13 @@ impl Counts {
     }
 }
 
-/// What a look at a job's folder tells.
+/// The state of a job's folder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Seen {
     At(JobState),
     /// The share that its checkpoint holds.
     Started(f64),
-    /// What it last said, and the share that its checkpoint holds.
+    /// Its last progress line, and the progress in its checkpoint.
     Running(Option<Beat>, f64),
 }
 
@@ -101,7 +101,7 @@ fn beat_share(beat: &Beat) -> f64 {
     beat.step as f64 / beat.steps.max(1) as f64
 }
 
-/// The share of its steps that a job's checkpoint holds; `None` if that cannot be told.
+/// The fraction of a job's steps in its checkpoint; `None` if unknown.
 fn share_done(folder: &ResultsFolder, job: &JobId) -> Option<f64> {
     let of = |steps: usize| Some(step_of(&folder.checkpoint(job))? as f64 / steps as f64);
     match job.kind {
@@ -115,7 +115,7 @@ fn share_done(folder: &ResultsFolder, job: &JobId) -> Option<f64> {
         JobKind::Run => {
             let spec: RunSpec = folder.known_spec(job)?;
             let trunk = spec.trunk().map(|trunk| trunk.id());
-            // A program of somebody's own keeps its checkpoint to itself: what it last said stands for it.
+            // The checkpoint of a user's trainer is opaque: its last progress line is used.
             let told = || {
                 let beat = progress(&folder.job(job)).filter(|_| spec.trainer.is_some())?;
                 Some(beat_share(&beat).clamp(0.0, 1.0))
@@ -131,8 +131,7 @@ fn share_done(folder: &ResultsFolder, job: &JobId) -> Option<f64> {
     }
 }
 
-/// The share of its own steps that a run's or a trunk's checkpoint holds, where it begins with the
-/// trunk of an id.
+/// The fraction of its own steps in a run's or a trunk's checkpoint, if it starts from the trunk of an id.
 fn own_share(
     folder: &ResultsFolder,
     job: &JobId,

@@ -1,5 +1,5 @@
-//! [`Speed`]: how fast jobs go, measured here by a few real training steps or told by others, and from it when they
-//! are all done. Every estimate of time is made here.
+//! [`Speed`]: the speed of jobs, by timing a few training steps or from elsewhere, and the estimated time of all. Every
+//! estimate of time is made here.
 
 use std::collections::{HashMap, HashSet};
 use std::time::{Duration, Instant};
@@ -14,12 +14,12 @@ use crate::plan::{Plan, PlannedRun};
 /// Parameters of a generator, and FLOPs a second.
 pub type Rate = (f64, f64);
 
-/// FLOPs of their cost that jobs do a second, each on a slot of its own.
+/// FLOPs per second of jobs, each on its own slot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Speed {
-    /// Of runs and trunks by the size of their generator, ascending.
+    /// Rates of runs and trunks by the size of their generator, ascending.
     runs: Vec<Rate>,
-    /// Of all other jobs.
+    /// The rate of all other jobs.
     inputs: f64,
 }
 
@@ -46,8 +46,8 @@ impl Speed {
         Self::measured(&runs, device, slots, PROBES)
     }
 
-    /// The same, as finished work bears it out: runs, of which parameters, FLOPs and seconds are given, were
-    /// slower by some factor, and so will be others; other jobs had another rate.
+    /// Corrects the speed by finished work: runs, given by parameters, FLOPs and seconds, were slower by some factor, which
+    /// is applied to others; other jobs get their own rate.
     pub fn borne_out_by(&self, runs: &[(usize, f64, f64)], inputs: Option<f64>) -> Self {
         let expected: f64 = runs.iter().map(|run| self.seconds(run.1, Some(run.0))).sum();
         let took: f64 = runs.iter().map(|run| run.2).sum();
@@ -56,7 +56,7 @@ impl Speed {
         Self { runs, inputs: inputs.unwrap_or(self.inputs) }
     }
 
-    /// Seconds for work of this cost; `params` are those of the generator that it trains, if it trains one.
+    /// Seconds for work of this cost; `params` of the generator, if it trains one.
     pub fn seconds(&self, cost: f64, params: Option<usize>) -> f64 {
         cost / params.map_or(self.inputs, |params| rate_at(&self.runs, params))
     }
@@ -105,8 +105,8 @@ pub fn rate_at(rates: &[Rate], params: usize) -> f64 {
 const PROBES: usize = 4;
 const PROBE_TIME: Duration = Duration::from_millis(300);
 
-/// What as many threads measure as `slots` workers can have a core each; the mean of each rate. Workers share
-/// memory and caches, and one alone is faster.
+/// Times as many threads as `slots` workers can have a core each; the mean of each rate. Workers share memory and
+/// caches, so one alone would be faster.
 fn side_by_side(slots: usize, measure: impl Fn() -> Vec<Rate> + Sync) -> Vec<Rate> {
     let n_threads = slots.clamp(1, std::thread::available_parallelism().map_or(1, usize::from));
     let measured: Vec<Vec<Rate>> = std::thread::scope(|scope| {
@@ -122,7 +122,7 @@ fn side_by_side(slots: usize, measure: impl Fn() -> Vec<Rate> + Sync) -> Vec<Rat
     first.iter().enumerate().map(mean).collect()
 }
 
-/// Workers have a thread each, so what they will need is measured on one.
+/// Workers have one thread each, so timing uses one.
 fn on_one_thread<T: Send>(measure: impl Fn() -> T + Send) -> T {
     match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
         Ok(pool) => pool.install(measure),
@@ -142,7 +142,7 @@ fn measure(runs: &[&PlannedRun], device: &Device, probes: usize) -> Vec<Rate> {
     picked.into_iter().filter_map(|i| sizes.get(i)).map(|run| rate(run)).collect()
 }
 
-/// Budget FLOPs a second of a run's training step, the median of as many as fit the time; 0 where the
+/// Budget FLOPs a second of a run's training step, the median of as many as fit the time; 0 if the
 /// device makes no step.
 fn flops_per_second(run: &PlannedRun, device: &Device) -> f64 {
     let mut probe = generator::of(&run.spec).probe(&run.spec, device);

@@ -1,4 +1,4 @@
-//! How far a sweep is, from its folder alone.
+//! The progress of a sweep, from its folder alone.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -33,7 +33,7 @@ pub struct FailedJob {
     #[serde(flatten)]
     pub id: JobId,
     pub label: String,
-    /// What went wrong; `kind` is the job's.
+    /// A failure; `kind` is the job's.
     #[serde(rename = "failure")]
     pub failure_kind: FailureKind,
     pub reason: String,
@@ -48,14 +48,14 @@ impl FailedJob {
     }
 }
 
-/// How far a sweep is.
+/// The progress of a sweep.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SweepState {
     /// Whether a scheduler is at work on the folder.
     pub at_work: bool,
     /// Which one; unknown for a moment after its start.
     pub scheduler: Option<Scheduler>,
-    /// What the runs need, by kind.
+    /// The dependencies of runs, by kind.
     pub inputs: BTreeMap<JobKind, Counts>,
     pub runs: Counts,
     pub running: Vec<Running>,
@@ -63,17 +63,17 @@ pub struct SweepState {
     /// FLOPs of all runs and trunks, and of those done with the part of those running.
     pub flops_total: f64,
     pub flops_done: f64,
-    /// Seconds of work for one job at a time, by the rate of finished runs; what failed, and what
-    /// waits for it, is left out.
+    /// Seconds of work for one job at a time, by the rate of finished runs, without failed jobs and jobs that wait for
+    /// them.
     pub job_seconds_left: Option<f64>,
     /// Seconds to the end with as many jobs at work as now.
     pub eta_s: Option<f64>,
-    /// Files that are damaged, and how to mend each.
+    /// Damaged files with their remedies.
     pub warnings: Vec<String>,
 }
 
-/// Seconds until the wanted jobs of a sweep that can still be done are done with so many side by side; `None` if
-/// nothing tells how fast its runs are. What is running counts by how far it is.
+/// Seconds until the wanted jobs that can still be done are done on parallel slots; `None` if the speed of runs is
+/// unknown. Running jobs count with their remaining work.
 ///
 /// # Errors
 /// A file is damaged, or cannot be read.
@@ -90,7 +90,7 @@ pub fn time_left(
     }))
 }
 
-/// Reads how far a sweep is; `None` where the folder is no sweep's.
+/// Reads how far a sweep is; `None` if the folder is no sweep's.
 ///
 /// # Errors
 /// A file is damaged, or cannot be read.
@@ -99,7 +99,7 @@ pub fn sweep_state(folder: &ResultsFolder) -> Result<Option<SweepState>, FileErr
     Ok(plan.map(|plan| Look::at(folder, &plan).state()))
 }
 
-/// What is read of `plan.json`.
+/// The part of `plan.json` that is read.
 #[derive(Deserialize)]
 struct Planned {
     runs: Vec<PlannedRun>,
@@ -131,20 +131,20 @@ impl PlannedRun {
     }
 }
 
-/// A job of the plan, and what was seen of it.
+/// A job of the plan, and its state.
 struct Looked<'a> {
     id: JobId,
     /// `None` for a run, whose spec has it.
     label: Option<&'a str>,
     cost: f64,
-    /// Those of the generator that it trains.
+    /// Parameters of the generator that it trains.
     params: Option<usize>,
     /// Whether it failed, or needs something that did.
     is_lost: bool,
     seen: Seen,
 }
 
-/// Everything that was seen, beside the plan, in its order.
+/// The state of every job, in the order of the plan.
 struct Look<'a> {
     folder: &'a ResultsFolder,
     plan: &'a Planned,
@@ -157,7 +157,7 @@ impl<'a> Look<'a> {
         let inputs: Vec<Seen> = plan.inputs.iter().map(|job| Seen::at(folder, &job.id)).collect();
         let runs: Vec<Seen> = plan.runs.par_iter().map(|run| Seen::at(folder, &run.id())).collect();
         let lost = lost(plan, &inputs, &runs);
-        // A trunk's generator is that of the runs that branch off.
+        // A trunk has the generator of the runs that branch off it.
         let of_trunk = |run: &'a PlannedRun| Some((run.trunk_id.as_deref()?, run.params()));
         let of_trunks: HashMap<&str, usize> = plan.runs.iter().filter_map(of_trunk).collect();
         let input = |(job, seen): (&'a Job, Seen)| Looked {
@@ -181,7 +181,7 @@ impl<'a> Look<'a> {
         Self { folder, plan, jobs }
     }
 
-    /// How far the sweep is.
+    /// The progress of the sweep.
     fn state(&self) -> SweepState {
         let (finished, mut warnings) = self.finished();
         let speed = known(self.folder, &finished);
@@ -206,7 +206,7 @@ impl<'a> Look<'a> {
         }
     }
 
-    /// Seconds until what is wanted and can still be done is done on `slots` slots.
+    /// Seconds until the wanted jobs that can still be done are done on `slots` slots.
     fn seconds_left(&self, speed: &Speed, slots: usize, wanted: &dyn Fn(&JobId) -> bool) -> f64 {
         let to_do = self.jobs.iter().filter(|job| wanted(&job.id) && !job.is_lost);
         seconds_left(to_do.map(|job| speed.seconds(job.cost * job.seen.left(), job.params)), slots)
@@ -249,7 +249,7 @@ impl<'a> Look<'a> {
         job.label.map_or_else(of_run, str::to_string)
     }
 
-    /// What is done, and what was wrong with records.
+    /// The finished work, and problems of records.
     fn finished(&self) -> (Finished, Vec<String>) {
         let done = self.jobs.iter().filter(|job| job.seen == Seen::At(JobState::Done));
         let runs = done.filter(|job| job.id.kind == JobKind::Run);
@@ -258,7 +258,7 @@ impl<'a> Look<'a> {
     }
 }
 
-/// What failed, and what needs it: the plan has every input after what it needs.
+/// Failed jobs and their dependents; the plan is in order of dependency.
 fn lost(plan: &Planned, inputs: &[Seen], runs: &[Seen]) -> HashSet<JobId> {
     let mut lost = HashSet::new();
     for (job, seen) in plan.inputs.iter().zip(inputs) {

@@ -1,5 +1,5 @@
-//! Captions as vectors, a trained tokenizer and the codes that it gives a data set: made by a worker; and
-//! [`TrainedTokenizer`], opened.
+//! Jobs of a worker: embedding captions, training a tokenizer, and tokenising a data set; and [`TrainedTokenizer`],
+//! opened.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -48,6 +48,7 @@ pub fn train(assignment: &Assignment) -> Result<Outcome> {
         ControlFlow::Continue(trained) => trained,
         ControlFlow::Break(ended) => return Ok(ended),
     };
+    text.as_ref().map_or(Ok(()), TextStore::unchanged)?;
     tokenizer.save(&place)?;
     if !log.is_empty() {
         write_json_lines(&place.join("log.jsonl"), &log)?;
@@ -61,8 +62,7 @@ pub fn train(assignment: &Assignment) -> Result<Outcome> {
     assignment.done()
 }
 
-/// The captions that the tokenizer of an assignment sees; where they are damaged they are made again
-/// first.
+/// The captions for the tokenizer of an assignment; damaged ones are remade first.
 ///
 /// # Errors
 /// They can neither be opened nor made.
@@ -73,7 +73,7 @@ fn open_text(assignment: &Assignment) -> Result<Option<TextStore>> {
         .transpose()
 }
 
-/// A tokenizer and what the validation split said of it; or how the job ended without one.
+/// A tokenizer with its validation results; or the end of the job without one.
 type MadeHere = ControlFlow<Outcome, (Tokenizer, Vec<Validated>)>;
 
 /// Trains by the trainer of the spec.
@@ -136,19 +136,19 @@ fn load_or_retrain(assignment: &Assignment) -> Result<ControlFlow<Outcome, Token
     })
 }
 
-/// A trained tokenizer, with what its captions become vectors by.
+/// A trained tokenizer, with the text encoder of its captions.
 pub struct TrainedTokenizer {
     /// The name of its folder.
     pub id: String,
     /// The folder of its sweep.
     pub folder: ResultsFolder,
     pub tokenizer: Tokenizer,
-    /// Of a tokenizer with language.
+    /// For a tokenizer with language.
     encoder: Option<Box<dyn TextEncoder>>,
 }
 
 impl TrainedTokenizer {
-    /// Opens the tokenizer of a run's folder, or of a sweep's folder that of the run with the lowest L_u.
+    /// Opens the tokenizer of a run's folder, or, for a sweep's folder, of the run with the lowest L_u.
     ///
     /// # Errors
     /// There is no such run, it has not ended, or a file that is needed is missing or damaged.
@@ -158,7 +158,7 @@ impl TrainedTokenizer {
         Self::open(&folder.tokenizer(&spec.tokenizer_id), device)
     }
 
-    /// Opens a tokenizer's own folder, `…/tokenizers/<id>`.
+    /// Opens a tokenizer's folder, `…/tokenizers/<id>`.
     ///
     /// # Errors
     /// It holds no tokenizer, or a file that is needed is missing or damaged.
@@ -194,7 +194,7 @@ impl TrainedTokenizer {
         Ok(TokenStore::open(&path)?)
     }
 
-    /// How well it reconstructs a split of its data with each of these language-free guidances.
+    /// Measures the reconstruction of a split of its data at several strengths of language-free guidance.
     ///
     /// # Errors
     /// The data or the vectors of their captions are missing or damaged.
@@ -222,7 +222,7 @@ impl TrainedTokenizer {
     }
 }
 
-/// What the captions of a sweep become vectors by.
+/// The text encoder of a sweep.
 fn encoder_of(folder: &ResultsFolder) -> Result<Box<dyn TextEncoder>> {
     let sweep = folder.sweep().context("reading how its sweep turns captions into vectors")?;
     text::encoder(&sweep.text).context("opening the vectors of captions")

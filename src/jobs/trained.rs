@@ -1,4 +1,4 @@
-//! [`TrainedRun`] and [`TrustedEvaluator`]: what makes motions and what scores them, opened.
+//! Opens trained runs that make motions, and evaluators that score them: [`TrainedRun`] and [`TrustedEvaluator`].
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,21 +9,21 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
-use super::assignment::MODEL;
-use super::folder::{JobState, ResultsFolder};
+use super::assignment::{MODEL, OF_RUN};
+use super::folder::{JobState, Product, ResultsFolder};
 use super::job::{JobId, JobKind};
 use crate::codes::TokenStore;
 use crate::data::{self, Split};
 use crate::draws::below;
 use crate::evaluator::{Evaluator, EvaluatorReport, Truth};
-use crate::files::{FileError, read_if_there};
+use crate::files::FileError;
 use crate::generator::{self, GeneratorError, Prompt, Sampled, Sampler, Sampling};
 use crate::learn::weights;
 use crate::spec::{EvaluatorSection, RunSpec};
 use crate::text::{self, TextEncoder, as_in_data};
 use crate::tokenizer::Tokenizer;
 
-/// Lengths take their ChaCha stream from here on, far above those of motions.
+/// First ChaCha stream of lengths, far above those of motions.
 const LENGTHS_STREAM: u64 = 1 << 40;
 
 /// A motion that a run has made.
@@ -62,7 +62,11 @@ impl TrainedRun {
                 trainer.command
             );
         }
-        let (loaded, _) = weights::load(&place.join(MODEL))?;
+        let (loaded, notes) = weights::load(&place.join(MODEL))?;
+        if let Some(other) = notes.get(OF_RUN).filter(|id| **id != run_id) {
+            let reason = format!("its weights are those of run {other}");
+            return Err(FileError::damaged(&place.join(MODEL), reason).into());
+        }
         let sampler = generator::of(&spec).sampler(&spec, loaded, device)?;
         let tokenizer = Tokenizer::load(&folder.tokenizer(&spec.tokenizer_id), device)
             .context("opening its tokenizer")?;
@@ -98,8 +102,7 @@ impl TrainedRun {
         self.sampler.sample(prompts, &self.tokenizer, sampling)
     }
 
-    /// The same decoded; a tokenizer with language follows the captions the more the larger
-    /// `detokenizer_guidance` is.
+    /// The same decoded; `detokenizer_guidance` sets how closely a tokenizer with language follows the captions.
     ///
     /// # Errors
     /// As [`TrainedRun::sample`] and [`Tokenizer::decode`].
@@ -168,7 +171,7 @@ fn run_of(path: &Path) -> Option<(PathBuf, String)> {
     let full = path.canonicalize().ok()?;
     let runs = full.parent().filter(|parent| parent.ends_with("runs"))?;
     let id = full.file_name()?.to_str()?.to_string();
-    // The path as it was given, where it names all of it, reads better than the full one.
+    // The path as given reads better than the full one, if it is complete.
     let given = path.parent().and_then(Path::parent).filter(|root| root.join("runs").is_dir());
     Some((given.or(runs.parent())?.to_path_buf(), id))
 }
@@ -279,10 +282,16 @@ pub fn folder_and_id(place: &Path) -> Result<(ResultsFolder, String)> {
     Ok((ResultsFolder::new(root.unwrap_or_default()), id))
 }
 
-// What a folder has of evaluators, and whether products can be read.
+// The evaluators of a folder, and quick checks of products.
+
+impl Product for EvaluatorReport {
+    fn is_of(&self, job: &JobId, _: &ResultsFolder) -> bool {
+        self.evaluator_id == job.id
+    }
+}
 
 impl ResultsFolder {
-    /// Whether the product of a finished job can be read, where that is quickly seen.
+    /// Checks that the product of a finished job can be read, if this is quick.
     ///
     /// # Errors
     /// [`FileError::Damaged`].
@@ -296,12 +305,12 @@ impl ResultsFolder {
         }
     }
 
-    /// What a finished evaluator is worth.
+    /// The gates of a finished evaluator.
     pub fn gates(&self, evaluator_id: &str) -> Result<Option<EvaluatorReport>, FileError> {
-        read_if_there(&self.product(&JobId::new(JobKind::Evaluator, evaluator_id)))
+        self.own_product(&JobId::new(JobKind::Evaluator, evaluator_id))
     }
 
-    /// What every finished evaluator that lies here is worth, as [`ResultsFolder::all_metrics`].
+    /// The gates of every finished evaluator in the folder, like [`ResultsFolder::all_metrics`].
     ///
     /// # Errors
     /// The folder cannot be listed.
@@ -309,7 +318,7 @@ impl ResultsFolder {
         self.products(JobKind::Evaluator, |r: &EvaluatorReport| r.evaluator_id.clone(), warn)
     }
 
-    /// Those of [`ResultsFolder::all_gates`] that a section describes.
+    /// The entries of [`ResultsFolder::all_gates`] that a section describes.
     ///
     /// # Errors
     /// The folder cannot be listed.

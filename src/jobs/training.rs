@@ -1,13 +1,12 @@
-//! Runs, trunks and evaluators, trained by a worker.
+//! Trains runs, trunks and evaluators in a worker.
 
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
 
 use super::assignment::{Assignment, Outcome, open_or_remake, train_past_damage};
-use super::assignment::{LOG, MODEL, TEST_CLIPS};
+use super::assignment::{LOG, MODEL, TEST_CLIPS, weights_notes};
 use super::folder::ResultsFolder;
 use super::job::{JobId, JobKind};
 use super::program::{self, FinishedRun, TrainerResult};
@@ -24,8 +23,7 @@ use crate::spec::RunSpec;
 use crate::text::TextStore;
 use crate::tokenizer::Tokenizer;
 
-/// Trains a run from where it stands, or has a program of somebody's own do so; its record is
-/// written whole, after everything else.
+/// Trains a run from its last checkpoint, or starts the user's trainer; the record is written last, atomically.
 pub fn train_run(assignment: &Assignment) -> Result<Outcome> {
     let spec: RunSpec = assignment.spec()?;
     if let Some(trainer) = &spec.trainer {
@@ -51,7 +49,7 @@ fn write_results(
     trained: Trained,
 ) -> Result<()> {
     let place = assignment.place();
-    weights::save(&place.join(MODEL), &trained.weights, HashMap::new())?;
+    weights::save(&place.join(MODEL), &trained.weights, weights_notes(&assignment.job.id))?;
     write_json_lines(&place.join(LOG), &trained.log)?;
     write_json_lines(&place.join(TEST_CLIPS), &trained.test.clips)?;
     let result = TrainerResult {
@@ -124,15 +122,15 @@ pub fn train_evaluator(assignment: &Assignment) -> Result<Outcome> {
     assignment.done()
 }
 
-// What runs and trunks have in common: what they read, and from where they go on.
+// Shared by runs and trunks: inputs, and resuming.
 
-/// What a run reads, opened, and where its state lies.
+/// The opened inputs of a run, and the path of its state.
 pub struct Opened<'a> {
     assignment: &'a Assignment<'a>,
     spec: &'a RunSpec,
     tokens: TokenStore,
     text: TextStore,
-    /// The tokenizer, where the generator makes codes scale after scale.
+    /// The tokenizer, if the generator makes codes scale by scale.
     tokenizer: Option<Tokenizer>,
     checkpoint: PathBuf,
     every: Duration,
@@ -141,7 +139,7 @@ pub struct Opened<'a> {
 }
 
 impl<'a> Opened<'a> {
-    /// Opens what a run reads; what is damaged is made again first.
+    /// Opens the inputs of a run; damaged ones are remade first.
     ///
     /// # Errors
     /// It can neither be opened nor made.
@@ -167,7 +165,7 @@ impl<'a> Opened<'a> {
         })
     }
 
-    /// What the run reads.
+    /// The inputs of the run.
     pub fn inputs(&self) -> Inputs<'_> {
         let scales = self.tokenizer.as_ref().map(|tokenizer| tokenizer as &dyn ScaleInputs);
         Inputs { tokens: &self.tokens, text: &self.text, scales }
@@ -180,22 +178,24 @@ impl<'a> Opened<'a> {
         Checkpoints { path: &self.checkpoint, every: self.every, branch }
     }
 
-    /// Trains; where the checkpoint or the trunk turns out to be damaged, again without it.
-    /// `None`: stopped.
+    /// Trains; if the checkpoint or the trunk is damaged, trains again without it. `None` if stopped.
     ///
     /// # Errors
-    /// Training failed.
+    /// Training failed, or what it read changed meanwhile.
     pub fn train<T>(
         &self,
         mut train: impl FnMut(&Training) -> Result<T, GeneratorError>,
     ) -> Result<Option<T>> {
         let trunk = self.trunk.iter().map(|(state, _)| state.as_path());
         let states: Vec<&Path> = trunk.chain([self.checkpoint.as_path()]).collect();
-        train_past_damage(&states, || {
+        let trained = train_past_damage(&states, || {
             let (inputs, checkpoints) = (self.inputs(), self.checkpoints());
             let (spec, device) = (self.spec, self.assignment.device);
             train(&Training { spec, inputs: &inputs, device, checkpoints: &checkpoints })
-        })
+        })?;
+        self.tokens.unchanged()?;
+        self.text.unchanged()?;
+        Ok(trained)
     }
 }
 

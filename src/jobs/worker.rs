@@ -1,4 +1,4 @@
-//! The process of a worker: how it ends, its log, and the failure that it tells of.
+//! The process of a worker: its end, its log, and its failure.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -19,8 +19,8 @@ use crate::progress::{Said, Stop};
 use crate::text::TextError;
 use crate::tokenizer::TokenizerError;
 
-/// Exit code of a worker whose job failed. It said why, and where it would fail again it wrote that
-/// to `failure.json`.
+/// Exit code of a worker whose job failed. The reason was reported, and written to `failure.json` if a retry would fail
+/// again.
 pub const FAILED: i32 = 1;
 /// Exit code of a worker that was asked to stop.
 pub const STOPPED: i32 = 130;
@@ -69,8 +69,8 @@ pub fn last_lines(job: &Path) -> Vec<String> {
 /// Letters of a line that a failure keeps.
 const LONGEST_LINE: usize = 500;
 
-/// What a terminal ends up showing of a line: its last state, where `\r` goes back to its beginning, without colours
-/// and other controls, and no more than [`LONGEST_LINE`] of it.
+/// The final state of a line on a terminal: after the last `\r`, without colours and other control sequences, at most
+/// [`LONGEST_LINE`] long.
 fn as_shown(line: &str) -> String {
     let states = line.split('\r').rfind(|state| !state.trim().is_empty());
     let mut letters = states.unwrap_or_default().chars();
@@ -89,7 +89,7 @@ fn as_shown(line: &str) -> String {
     }
 }
 
-/// What follows an escape: `[` and numbers to a letter, `]` and a text to a bell, or one letter.
+/// The rest of an escape sequence: `[` and numbers to a letter, `]` and a text to a bell, or one letter.
 fn skip_escape(letters: &mut std::str::Chars) {
     match letters.next() {
         Some('[') => drop(letters.find(|letter| ('@'..='~').contains(letter))),
@@ -102,12 +102,12 @@ fn skip_escape(letters: &mut std::str::Chars) {
 const LONGEST_LOG: usize = 16 << 20;
 /// Bytes that a cut leaves of its beginning, and of its end.
 const KEPT: usize = 4 << 20;
-/// What stands in the place of the middle, before the number of bytes.
+/// The text that replaces the middle, before the number of bytes.
 const LEFT_OUT: &[u8] = b"\n[isoflop left out ";
 const BYTES: &str = " bytes here]\n";
 
-/// Cuts the middle out of the log of a job's folder, if it is too long. A program appends to it by itself, so that
-/// what it says survives its worker.
+/// Cuts the middle out of a job's log, if it is too long. A program appends to the log directly, so its output survives
+/// its worker.
 pub fn bound_log(place: &Path) {
     let path = place.join("log.txt");
     if fs::metadata(&path).is_ok_and(|file| file.len() as usize > LONGEST_LOG) {
@@ -125,7 +125,7 @@ fn cut(path: &Path, kept: usize) -> io::Result<usize> {
     let (head, left_out, tail) = parts(&bytes, kept);
     let mut file = OpenOptions::new().read(true).append(true).open(path)?;
     let mark = format!("{}{left_out}{BYTES}", String::from_utf8_lossy(LEFT_OUT));
-    // What was said since it was read; what is said between here and the cut goes with the middle.
+    // The text appended since the read; text appended between here and the cut is lost with the middle.
     let mut since = Vec::new();
     file.seek(SeekFrom::Start(bytes.len() as u64))?;
     io::copy(&mut file, &mut since)?;
@@ -135,8 +135,7 @@ fn cut(path: &Path, kept: usize) -> io::Result<usize> {
     Ok(head.len() + rest.len())
 }
 
-/// The head and the tail that a cut leaves, and between them the number of bytes left out, those of earlier cuts
-/// included.
+/// The head and the tail after a cut, with the number of bytes left out, including earlier cuts.
 fn parts(bytes: &[u8], kept: usize) -> (&[u8], usize, &[u8]) {
     let (_, tail) = bytes.split_at(bytes.len() - kept);
     let end_of_line = |bytes: &[u8]| bytes.iter().position(|byte| *byte == b'\n');
@@ -145,7 +144,7 @@ fn parts(bytes: &[u8], kept: usize) -> (&[u8], usize, &[u8]) {
     (&bytes[..head], before + bytes.len() - tail.len() - head - said, tail)
 }
 
-/// Where an earlier cut stands, the length of its sentence, and the bytes that it left out.
+/// The position of an earlier cut, the length of its sentence, and the bytes that it left out.
 fn earlier(bytes: &[u8]) -> Option<(usize, usize, usize)> {
     let at = bytes.windows(LEFT_OUT.len()).position(|window| window == LEFT_OUT)?;
     let rest = &bytes[at + LEFT_OUT.len()..];
@@ -185,7 +184,7 @@ pub fn failure_of(error: &Error) -> Failure {
     Failure::new(kind.unwrap_or_default(), format!("{error:#}"))
 }
 
-/// The kind of failure that an error knows itself to be.
+/// The failure kind of an error's type.
 fn kind_of(cause: &(dyn std::error::Error + 'static)) -> Option<FailureKind> {
     let generator = || cause.downcast_ref::<GeneratorError>()?.failure_kind();
     let tokenizer = || cause.downcast_ref::<TokenizerError>()?.failure_kind();

@@ -1,4 +1,4 @@
-//! [`Plan`]: every job of a sweep with its id and its price.
+//! [`Plan`]: every job of a sweep with its id and its cost.
 
 use super::cells::{Renamed, renamed};
 use super::planned::{EvaluatorJob, PlannedRun, ScoreJob};
@@ -25,27 +25,27 @@ pub struct Plan {
     pub runs: Vec<PlannedRun>,
     pub dropped: Vec<Dropped>,
     pub tokenizers: Vec<TokenizerJob>,
-    /// Where runs share their beginnings: what they have in common, in the order of training.
+    /// The shared beginnings of runs, in the order of training.
     pub trunks: Vec<Trunk>,
-    /// `None` where the sweep has no motion, so no captions.
+    /// `None` if the sweep has no motion, so no captions.
     pub text: Option<TextJob>,
-    /// `None` where the sweep names none.
+    /// `None` if the sweep names none.
     pub evaluator: Option<EvaluatorJob>,
-    /// Of the runs that are scored.
+    /// The scores of scored runs.
     pub scores: Vec<ScoreJob>,
     pub data: DataFacts,
     /// Vocabularies that have another number of codes than the sweep names.
     pub renamed: Vec<Renamed>,
-    /// Combinations of the keys that the sweep varies; 1 where it varies none.
+    /// Combinations of the keys that the sweep varies; 1 if it varies none.
     pub n_variants: usize,
-    /// Whether the cheapest run goes before all others, to try a program of somebody's own.
+    /// Whether the cheapest run goes before all others, to try a user's program.
     pub canary: bool,
-    /// What a person should know of its training.
+    /// Warnings about its training.
     remarks: Vec<String>,
 }
 
 impl Plan {
-    /// Expands a sweep over its data: what it varies, one after another.
+    /// Expands a sweep over its data, variant by variant.
     pub fn new(sweep: &Sweep, data: DataFacts) -> Self {
         let plan =
             |variant: &Variant| Self::of_variant(&variant.sweep, &variant.label, data.clone());
@@ -120,14 +120,14 @@ impl Plan {
             .only(|_| true)
     }
 
-    /// The plan of some of its runs, with what those need.
+    /// The plan of some of its runs, with their dependencies.
     pub fn only(&self, is_kept: impl Fn(&PlannedRun) -> bool) -> Self {
         let runs = chosen(&self.runs, is_kept);
         let tokenizers: HashSet<&str> =
             runs.iter().map(|run| run.spec.tokenizer_id.as_str()).collect();
         let mut trunks: HashSet<&str> =
             runs.iter().filter_map(|run| run.trunk_id.as_deref()).collect();
-        // Each trunk stands after the one that it goes on from.
+        // Each trunk comes after the one that it continues.
         for trunk in self.trunks.iter().rev() {
             if trunks.contains(trunk.trunk_id.as_str()) {
                 trunks.extend(trunk.from.as_deref());
@@ -156,15 +156,14 @@ impl Plan {
         0.0 + self.runs.iter().map(|run| run.spec.budget_flops).sum::<f64>()
     }
 
-    /// FLOPs that are trained: what runs share counts once.
+    /// FLOPs to train: shared parts count once.
     pub fn trained_flops(&self) -> f64 {
         let own = self.runs.iter().map(PlannedRun::own_flops).sum::<f64>();
         0.0 + own + self.trunks.iter().map(|trunk| trunk.flops).sum::<f64>()
     }
 
-    /// Bytes of the results: weights of each run, weights and moments of each trunk, codes of each
-    /// tokenizer; checkpoints while they last are three times a run's weights. What a user's program keeps is not
-    /// known, and not counted.
+    /// Bytes of the results: weights of each run, weights and moments of each trunk, codes of each tokenizer, and
+    /// temporary checkpoints of three times a run's weights. Files of a user's trainer are unknown and not counted.
     pub fn disk_bytes(&self) -> u64 {
         let kept = self.runs.iter().filter(|run| !run.spec.is_users_own());
         let weights: usize = kept.map(|run| 4 * run.params.total()).sum();
@@ -174,7 +173,7 @@ impl Plan {
         (weights + trunks + codes) as u64
     }
 
-    /// The tokenizer that a run waits for; `None` where the sweep has no motion.
+    /// The tokenizer that a run waits for; `None` if the sweep has no motion.
     pub fn tokenizer_of(&self, run: &PlannedRun) -> Option<&TokenizerJob> {
         self.tokenizers.iter().find(|job| job.id() == run.spec.tokenizer_id)
     }
@@ -184,7 +183,7 @@ impl Plan {
         self.runs.first().map_or(0, |run| self.data.unique_tokens(&run.spec.codes))
     }
 
-    /// What a person should know before this runs.
+    /// Warnings before this runs.
     pub fn warnings(&self) -> Vec<String> {
         let epochs = self.runs.iter().filter_map(|run| run.epochs);
         let repeated: Vec<f64> = epochs.filter(|epochs| *epochs > MOST_USEFUL_EPOCHS).collect();
@@ -205,13 +204,13 @@ fn chosen<T: Clone>(all: &[T], is_kept: impl Fn(&T) -> bool) -> Vec<T> {
     all.iter().filter(|one| is_kept(one)).cloned().collect()
 }
 
-/// Adds those of which none with the same key is known.
+/// Adds items with new keys.
 fn add_new<T>(known: &mut Vec<T>, others: Vec<T>, key: impl Fn(&T) -> String) {
     let keys: HashSet<String> = known.iter().map(&key).collect();
     known.extend(others.into_iter().filter(|other| !keys.contains(&key(other))));
 }
 
-/// What the longest run of a sweep takes of a source without an end, priced before its clips are known.
+/// The clips that the longest run of a sweep needs from an unlimited source, priced before its clips are known.
 pub fn demand(sweep: &Sweep) -> Option<Demand> {
     let priced = |variant: Variant| price(&variant.sweep, &BTreeMap::new()).0;
     let cells = sweep.variants().into_iter().flat_map(priced);
@@ -221,11 +220,11 @@ pub fn demand(sweep: &Sweep) -> Option<Demand> {
 
 // Priced cells into tokenizers and runs.
 
-/// Stands in a run for the id of a tokenizer where the sweep has no motion.
+/// Replaces the id of a tokenizer in a run if the sweep has no motion.
 pub const NO_TOKENIZER: &str = "none";
 
-/// The tokenizers of all cells, each once, and where each cell's own are, one a seed; none where the
-/// sweep has no data to train one on.
+/// The distinct tokenizers of all cells, and the indices of each cell's own, one per seed; none if the sweep has no
+/// data for them.
 fn tokenizers(
     sweep: &Sweep,
     cells: &[PricedCell],
@@ -254,7 +253,7 @@ fn tokenizers(
     (jobs, own)
 }
 
-/// What the runs of a tokenizer read.
+/// The inputs of a tokenizer's runs.
 struct RunInputs {
     tokenizer_id: String,
     text_id: String,
@@ -325,13 +324,13 @@ fn planned_run(
 
 // [`TextJob`]: the captions of a data set, to be embedded once.
 
-/// What the text encoder is asked for, and on which captions.
+/// The request to the text encoder, and its captions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TextJob {
     /// Without the path: a file that is moved is the same.
     pub spec: TextSpec,
     pub data_digest: String,
-    /// Content of the file that the vectors come from, where they come from one.
+    /// Digest of the file of vectors, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub embeddings: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! The cells of a grid: axes crossed or zipped, less what is excluded; and vocabularies under another name.
+//! The cells of a grid: axes crossed or zipped, minus excluded ones; and vocabularies with nominal sizes.
 
 use std::collections::HashSet;
 
@@ -17,7 +17,7 @@ pub struct GridCell {
     pub share: Share,
 }
 
-/// Every cell that no condition excludes, and those that one does, with the condition.
+/// The cells that remain, and the excluded ones with their condition.
 pub fn cells(sweep: &Sweep) -> (Vec<GridCell>, Vec<(GridCell, String)>) {
     let exclude = &sweep.grid.exclude;
     let conditions: Vec<(Condition, &String)> =
@@ -32,7 +32,7 @@ pub fn cells(sweep: &Sweep) -> (Vec<GridCell>, Vec<(GridCell, String)>) {
     (kept, excluded)
 }
 
-/// The cells of the grid, then those of its further parts that are not among them.
+/// The cells of the grid, then further cells of its other parts.
 fn all_parts(sweep: &Sweep) -> Vec<GridCell> {
     let mut all: Vec<GridCell> = crossed(sweep, &sweep.grid);
     if sweep.grid.also.is_empty() {
@@ -71,7 +71,7 @@ fn crossed(sweep: &Sweep, grid: &GridSection) -> Vec<GridCell> {
 }
 
 impl GridCell {
-    /// What conditions compare.
+    /// The quantities of conditions.
     fn values(&self) -> [f64; Condition::FIELDS.len()] {
         let ModelEntry { n_layer, n_head, d_model, .. } = self.model;
         let sizes = [n_layer, n_head, d_model, self.quantizer.n_vocab()];
@@ -96,7 +96,7 @@ fn indices(lengths: [usize; 3], zip: &[Vec<Axis>]) -> Vec<[usize; 3]> {
 
 // Vocabularies that FSQ makes smaller than their names.
 
-/// A size of `grid.vocab` that stands for levels with another product (ScaMo Table 8).
+/// A size of `grid.vocab` that means levels with a different product (ScaMo Table 8).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Renamed {
     /// The size that the sweep names.
@@ -106,7 +106,7 @@ pub struct Renamed {
     pub levels: Vec<usize>,
 }
 
-/// Those of a sweep, in its order.
+/// The nominal vocabularies of a sweep, in its order.
 pub(super) fn renamed(sweep: &Sweep) -> Vec<Renamed> {
     let of_entry = |entry: &VocabSpec| {
         let VocabSpec::Size(named) = *entry else { return None };

@@ -1,4 +1,4 @@
-//! Peak memory of what runs need, from measured estimates.
+//! Estimates the peak memory of jobs, from measurements.
 
 use crate::data::DataFacts;
 use crate::motion::N_FEATURES;
@@ -6,17 +6,17 @@ use crate::spec::{
     BegunFrom, EvaluatorSpec, Precision, RunSpec, TextSpec, TokenizerSpec, TokenizerTrainer,
 };
 
-/// Bytes of a frame's features in the pool of a tokenizer, with what the allocator adds.
+/// Bytes of a frame's features in the pool of a tokenizer, with the allocator's overhead.
 const POOL_BYTES_PER_FRAME: f64 = 1.1 * 4.0 * N_FEATURES as f64;
 
 /// Frames that are tokenised together.
 const FRAMES_ENCODED: f64 = 2048.0;
 
-/// What the runtime and the data's statistics take in a worker that reads motion.
+/// Memory of the runtime and the data's statistics in a worker that reads motion.
 const MOTION_BASE_BYTES: f64 = 30e6;
 
-/// What PyTorch takes before its first tensor: 500 MB of libraries were measured, and 100 MB more once
-/// clips and weights were read.
+/// Memory of PyTorch before its first tensor: 500 MB of libraries were measured, and 100 MB more after reading clips
+/// and weights.
 const TORCH_BASE_BYTES: f64 = 600e6;
 
 /// Copies of the pool that a worker holds while it writes it for another trainer.
@@ -25,12 +25,11 @@ const POOLS_WRITTEN: f64 = 3.0;
 /// Bytes of a patch that weights begin from: the features of four frames, twice.
 const BYTES_PER_PATCH: f64 = 2.0 * 4.0 * 4.0 * N_FEATURES as f64;
 
-/// Peak bytes that training a tokenizer has to itself: its pool of clips, and for each frame of a
-/// step what the backward pass keeps of every channel; or, where that is more, what k-means takes that
-/// it is measured beside.
+/// Peak private bytes of training a tokenizer: its pool of clips, plus the channels kept for the backward pass for each
+/// frame of a step; or the k-means baseline, if that is more.
 ///
 /// Measured at widths 16, 64 and 128 with a pool of 2048 clips: 400, 430 and 463 MB, within 3 % of
-/// this; the share of a channel at depths 1 to 6 and 8 to 128 windows a step, within 20 %.
+/// this; the bytes per channel at depths 1 to 6 and 8 to 128 windows per step, within 20 %.
 pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     let [train, ..] = data.clips;
     let frames_per_clip = data.train_frames() as f64 / train.max(1) as f64;
@@ -58,18 +57,17 @@ pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     (MOTION_BASE_BYTES + training.max(beside)) as u64
 }
 
-/// Peak bytes that tokenising a data set has to itself: a batch of clips in the encoder, and all
-/// codes twice.
+/// Peak private bytes of tokenising a data set: a batch of clips in the encoder, and all codes twice.
 ///
-/// Measured at widths 16, 64 and 128: 35, 42 and 82 MB, where this says 37, 55 and 78.
+/// Measured at widths 16, 64 and 128: 35, 42 and 82 MB; this estimates 37, 55 and 78.
 pub fn tokens_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     let codes = 2.0 * 4.0 * data.unique_tokens(&spec.grid()) as f64;
     (MOTION_BASE_BYTES + FRAMES_ENCODED * spec.architecture.encoding_bytes_per_frame() + codes)
         as u64
 }
 
-/// Peak bytes that an evaluator has to itself: its pool of clips, with what the backward pass keeps of
-/// each row of a step; or the test clips beside such that were made worse.
+/// Peak private bytes of an evaluator: its pool of clips, plus the values kept for the backward pass for each row of a
+/// step; or the test clips with corrupted copies.
 pub fn evaluator_peak_bytes(spec: &EvaluatorSpec, data: &DataFacts) -> u64 {
     let [train, _, test] = data.clips;
     let frames_per_clip = data.train_frames() as f64 / train.max(1) as f64;
@@ -82,10 +80,10 @@ pub fn evaluator_peak_bytes(spec: &EvaluatorSpec, data: &DataFacts) -> u64 {
     (MOTION_BASE_BYTES + (pool + step).max(gates)) as u64
 }
 
-/// What the runtime and an encoder take before the first caption.
+/// Memory of the runtime and an encoder before the first caption.
 const TEXT_BASE_BYTES: f64 = 40e6;
 
-/// Captions of a clip, and words of a caption, for an estimate of what their vectors take.
+/// Captions per clip, and words per caption, to estimate the memory of their vectors.
 const CAPTIONS_PER_CLIP: usize = 3;
 const WORDS_PER_CAPTION: usize = 12;
 
@@ -104,18 +102,18 @@ const ROWS_PER_TARGET: f64 = 1.6;
 /// Logits that the head holds at once, at most.
 const LOGITS_AT_ONCE: f64 = (1 << 28) as f64;
 
-/// What CUDA and its kernels take before there is a model.
+/// Memory of CUDA and its kernels without a model.
 const CONTEXT_BYTES: f64 = 1e9;
 
-/// Bytes on the card of a run that PyTorch trains; the trainer ends before its first step where fewer are free.
-/// Measured on an H200 at 44M and 343M, V = 1024 and 65,536: 0.8 to 1.2 of it.
+/// GPU bytes of a run trained by PyTorch; the trainer ends before its first step if fewer are free. On an H200 at 44M
+/// and 343M, V = 1024 and 65,536, 0.8 to 1.2 of this was measured.
 ///
 /// 16 N + rows · n_layer · (8 d + b (8 d + 3 d_ff)) + logits · (8 + 2 b) + 1e9, where
 ///
 /// - N: all parameters; weights, gradients and two moments in f32
 /// - rows: 1.6 for each supervised token of a batch
 /// - b: bytes of a number in products, 2 in bf16 and 4 in f32
-/// - 8 d: the inputs of both halves of a block, in f32; 8 d + 3 d_ff: what its products take and give
+/// - 8 d: the inputs of both halves of a block, in f32; 8 d + 3 d_ff: operands and results of its products
 /// - logits: batch_tokens · V, at most 2²⁸ at once
 pub fn bytes_on_card(spec: &RunSpec) -> u64 {
     let (shape, targets) = (spec.shape(), spec.batch_tokens as f64);

@@ -1,5 +1,4 @@
-//! [`PlannedRun`], a run with its id and its price, and the jobs that judge runs: [`EvaluatorJob`] and
-//! [`ScoreJob`].
+//! [`PlannedRun`], a run with its id and cost, and the jobs of scores: [`EvaluatorJob`] and [`ScoreJob`].
 
 use serde::{Deserialize, Serialize};
 
@@ -18,21 +17,21 @@ pub struct PlannedRun {
     pub params: ParamCounts,
     pub flops_per_token: FlopsPerToken,
     pub achieved_ratio: f64,
-    /// What the built-in trainer takes.
+    /// The cost for the built-in trainer.
     pub peak_bytes: u64,
-    /// The trunk that it branches off; `None` where it is trained alone.
+    /// The trunk that it branches off; `None` if it is trained alone.
     pub trunk_id: Option<String>,
-    /// Times that the run sees each token of the training split; `None` where it is not here.
+    /// Times that the run sees each token of the training split; `None` if it is not here.
     pub epochs: Option<f64>,
 }
 
 impl PlannedRun {
-    /// Bytes at the run's peak; `None` where a trainer other than the built-in one takes what it takes.
+    /// Peak bytes of the run; `None` for a user's trainer, whose memory is unknown.
     pub fn known_peak_bytes(&self) -> Option<u64> {
         self.spec.trainer.is_none().then_some(self.peak_bytes)
     }
 
-    /// FLOPs of the budget that the run's own job trains: all but what its trunk does.
+    /// FLOPs of the budget that the run's own job trains: all except its trunk's.
     pub fn own_flops(&self) -> f64 {
         let RunSpec { budget_flops, steps, decay_steps, .. } = self.spec;
         match (&self.trunk_id, decay_steps) {
@@ -86,8 +85,7 @@ fn holds(condition: &Condition, PlannedRun { spec, .. }: &PlannedRun) -> bool {
 
 // [`EvaluatorJob`]: an evaluator to train, which all scores of a sweep are taken by.
 
-/// One evaluator to train. It hangs on the data alone, so that sweeps that differ in anything else share
-/// it.
+/// One evaluator to train. It depends only on the data, so sweeps that differ in anything else share it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvaluatorJob {
     pub revision: u32,

@@ -1,4 +1,4 @@
-//! Cells with their price: what each costs, or why it is dropped.
+//! Prices cells: the cost of each, or why it is dropped.
 
 use super::cells::{GridCell, cells};
 use super::trunk::{
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Prices every cell of a sweep's grid, over training clips of these shapes; none where they are not known.
+/// Prices every cell of a sweep's grid, over training clips of these shapes; none if they are not known.
 pub fn price(sweep: &Sweep, clips: &BTreeMap<ClipShape, f64>) -> (Vec<PricedCell>, Vec<Dropped>) {
     let (kept, excluded) = cells(sweep);
     let mut dropped: Vec<Dropped> =
@@ -19,7 +19,7 @@ pub fn price(sweep: &Sweep, clips: &BTreeMap<ClipShape, f64>) -> (Vec<PricedCell
     let price = |cell: &GridCell| {
         price_cell(sweep, clips, cell).map_err(|reason| Dropped::new(cell, reason))
     };
-    // Errors stand on the left.
+    // Errors are on the left.
     let (unpriced, priced): (Vec<_>, Vec<_>) = kept.par_iter().map(price).partition_map(Into::into);
     dropped.extend(unpriced);
     if sweep.train.schedule.shares() {
@@ -64,7 +64,7 @@ fn price_cell(
     })
 }
 
-/// What a budget buys a generator.
+/// The training that a budget buys.
 struct Price<'a> {
     sweep: &'a Sweep,
     clips: &'a BTreeMap<ClipShape, f64>,
@@ -74,8 +74,8 @@ struct Price<'a> {
 }
 
 impl Price<'_> {
-    /// Forward FLOPs a token in steps of a batch, and D that the budget buys. By the exact count a clip costs
-    /// what its own length and text do; where the clips are not known, what the longest would.
+    /// Forward FLOPs per token in steps of a batch, and D for the budget. The exact count uses the length and text of each
+    /// clip, or the longest clip if clips are unknown.
     fn buys(&self, batch_tokens: usize) -> (FlopsPerToken, f64) {
         let Self { sweep, generator, codes, clips, cell } = *self;
         let rule = sweep.flops.rule;
@@ -108,12 +108,12 @@ impl Price<'_> {
     }
 }
 
-// What a supervised token costs by the exact count, on clips of their own lengths.
+// The exact cost of a supervised token, on clips of their own lengths.
 //
-// A step takes so many supervised tokens, and a clip that straddles two steps goes through the network in
-// both. So the price of a token hangs on how long clips are beside a step.
+// A step has a fixed number of supervised tokens, and a clip that straddles two steps is computed in both. So the
+// price of a token depends on the length of clips relative to a step.
 
-/// Forward FLOPs a supervised token, on the mean over the clips and over where steps part them.
+/// Forward FLOPs a supervised token, on average over the clips and over where steps part them.
 fn exact_per_token(
     generator: &dyn Pricing,
     codes: &Grid,
@@ -131,7 +131,7 @@ fn exact_per_token(
     flops / tokens
 }
 
-/// The sum over the parts that steps of `step` places make of a clip of `n`, on the mean over where in a step
+/// The sum over the parts that steps of `step` places make of a clip of `n`, on average over where in a step
 /// it begins.
 fn over_steps(n: usize, step: usize, of_part: impl Fn(Range<usize>) -> f64) -> f64 {
     let whole = step.saturating_add(1).saturating_sub(n) as f64;

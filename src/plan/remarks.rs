@@ -1,14 +1,14 @@
-//! What a person should know of a plan's training before it runs.
+//! Warnings about the training of a plan, before it runs.
 
 use super::planned::PlannedRun;
 use crate::data::DataFacts;
 use crate::spec::{QuantizerSpec, TokenizerJob};
 use crate::sweep::Sweep;
 
-/// Steps of a tokenizer below which its codes are mostly those that it began with.
+/// Training steps below which the codes of a tokenizer are mostly the initial ones.
 const FEWEST_TOKENIZER_STEPS: usize = 100;
 
-/// Tokenizers and runs of too few steps, and rates and batches that their bounds cut off.
+/// Warns of tokenizers and runs with too few steps, and of rates and batches at their bounds.
 pub(super) fn remarks(
     sweep: &Sweep,
     tokenizers: &[TokenizerJob],
@@ -18,14 +18,14 @@ pub(super) fn remarks(
     let steps = tokenizers.iter().map(|job| job.spec.training.steps).min();
     let few = steps.filter(|steps| *steps < FEWEST_TOKENIZER_STEPS).map(|steps| {
         format!(
-            "the tokenizers are trained for {steps} steps: their codes will be little better than those \
-             they begin with; `isoflop tokenizer eval` has them beside k-means"
+            "the tokenizers are trained for {steps} steps: their codes will be little better than the \
+            initial ones; `isoflop tokenizer eval` compares them with k-means"
         )
     });
     few.into_iter().chain(context(sweep, runs, data)).chain(of_runs(sweep, runs)).collect()
 }
 
-/// On clips that the models' context cannot hold after a text of `text.max_tokens`.
+/// Warns of clips that do not fit the models' context after a text of `text.max_tokens`.
 fn context(sweep: &Sweep, runs: &[PlannedRun], data: &DataFacts) -> Option<String> {
     let frames = data.longest_clip();
     let room = |run: &PlannedRun| run.spec.shape().n_ctx - sweep.text.max_tokens;
@@ -39,8 +39,8 @@ fn context(sweep: &Sweep, runs: &[PlannedRun], data: &DataFacts) -> Option<Strin
     let latents = frames / tokenizer.frames_per_latent();
     let (taken, room, slots) = (positions(run), room(run), latents + 2);
     Some(format!(
-        "a clip of {frames} frames takes {taken} positions, the models have room for {room}: a run fails \
-         at it unless its text is short; set model.motion_slots to {slots} or more"
+        "a clip of {frames} frames takes {taken} positions, but the models have room for {room}: runs fail \
+        on it unless its text is short; set model.motion_slots to {slots} or more"
     ))
 }
 
@@ -56,7 +56,10 @@ fn of_runs(sweep: &Sweep, runs: &[PlannedRun]) -> Vec<String> {
     let cases = [
         (
             count(&|run| run.spec.lr >= train.lr.max && !train.lr.is_constant()),
-            format!("are trained at train.lr.max = {}, since the rule asks for more", train.lr.max),
+            format!(
+                "are trained at train.lr.max = {}, because the rule asks for more",
+                train.lr.max
+            ),
         ),
         (
             count(&|run| run.spec.batch_tokens >= train.batch.max && !chosen),
@@ -64,7 +67,7 @@ fn of_runs(sweep: &Sweep, runs: &[PlannedRun]) -> Vec<String> {
         ),
         (
             count(&|run| (run.spec.steps as f64) < memory),
-            format!("have fewer than {memory:.0} steps, which beta2 = {beta2} remembers"),
+            format!("have fewer than {memory:.0} steps, the memory of beta2 = {beta2}"),
         ),
     ];
     let met = cases.into_iter().filter(|(n, _)| *n > 0);

@@ -1,5 +1,5 @@
-//! Trunks: what runs of one model, vocabulary and seed have in common before their learning rates
-//! decay, trained once.
+//! Trunks: the common part of runs of one model, vocabulary and seed before their learning rates decay, trained
+//! once.
 
 use super::cells::GridCell;
 use super::planned::PlannedRun;
@@ -25,10 +25,10 @@ pub struct Trunk {
 
 /// Gives the cells that share a trunk one batch, one learning rate and one warm-up.
 ///
-/// The batch is the largest budget's, halved while it leaves the smallest fewer than `min_steps`:
-/// small runs bear large batches better than large runs small ones. Rate and warm-up are the
-/// smallest budget's. A cell whose budget is missed by whole steps of that batch is dropped. `price`
-/// says what a token of a cell costs in steps of a batch, and D that its budget then buys.
+/// The batch is the largest budget's, halved while it leaves the smallest fewer than `min_steps`: small runs tolerate
+/// large batches better than large runs small ones. Rate and warm-up are the smallest budget's. A cell whose budget
+/// cannot be met by whole steps of that batch is dropped. `price` gives the cost of a cell's token in steps of a
+/// batch, and the D for its budget.
 pub fn in_step(
     cells: Vec<PricedCell>,
     train: &TrainSection,
@@ -38,7 +38,7 @@ pub fn in_step(
     let mut members: Vec<Vec<&PricedCell>> = Vec::new();
     let mut group_of = Vec::with_capacity(cells.len());
     for cell in &cells {
-        // What cells must agree in to share a trunk.
+        // The key of a trunk.
         let GridCell { quantizer, share, .. } = &cell.grid_cell;
         let name = format!("{:?} {quantizer:?} {share:?}", cell.generator);
         let group = *groups.entry(name).or_insert(members.len());
@@ -74,8 +74,8 @@ fn common(cells: &[&PricedCell], train: &TrainSection) -> (usize, Pace) {
     (batch_tokens, pace(&smallest.params, smallest.spending.tokens(), shortest, train))
 }
 
-/// Notes in each run which trunk it branches off; returns the trunks, each once, every one after
-/// the one that it goes on from. `chain_of` names what the run of an index shares with others.
+/// Sets the trunk of each run; returns the distinct trunks, each after the one that it continues. `chain_of` gives the
+/// key that a run shares with others.
 pub fn branch(
     runs: &mut [PlannedRun],
     chain_of: impl Fn(usize) -> Option<(usize, usize)>,
@@ -120,7 +120,7 @@ pub struct PricedCell {
     pub flops_per_token: FlopsPerToken,
     pub spending: Spending,
     pub pace: Pace,
-    /// Cells of one number share a trunk; `None` where nothing is shared.
+    /// Cells of one number share a trunk; `None` if nothing is shared.
     pub group: Option<usize>,
 }
 
@@ -183,7 +183,7 @@ impl Spending {
 /// Tokens beyond which counts of them are not exact any more.
 pub const MOST_TOKENS: f64 = 9e15;
 
-/// How far a run may miss its budget.
+/// Largest relative error of a run's budget.
 pub const BUDGET_TOLERANCE: f64 = 0.01;
 
 /// D that a budget buys, before whole steps are made of it.
@@ -227,7 +227,7 @@ pub fn spend_with(
     Ok(Spending { batch_tokens, steps, achieved_ratio })
 }
 
-/// How fast a run learns.
+/// The learning rate of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pace {
     /// The peak learning rate.

@@ -1,20 +1,20 @@
-//! The rule of learning rate and batch, found by trials at a few cells of a grid.
+//! Finds the rule of learning rate and batch by trials at a few cells of a grid.
 //!
-//! `cells → trials → the next trials → … → a rule`: each step is a function of the trials that have
-//! ended, so a search that was cut off goes on from its records.
+//! `cells → trials → the next trials → … → a rule`: each step is a function of finished trials, so an interrupted
+//! search resumes from its records.
 //!
 //! | step | file |
 //! | --- | --- |
-//! | which cells of a grid are tried | this one |
-//! | a setting of rate, batch and schedule, what came of it, and what is tried next | `search` |
-//! | trials into the best rate of each cell, and those into a rule | `rule` |
+//! | the choice of cells | this one |
+//! | settings of rate, batch and schedule, their results, and the next settings | `search` |
+//! | the best rate of each cell, and the rule | `rule` |
 //!
 //! # Example
 //!
 //! ```
 //! use isoflop::rates::{Place, choose};
 //!
-//! // Which of a grid's cells tell most of how the best rate goes with N, V and D.
+//! // The cells that determine best how the rate depends on N, V and D.
 //! let cells: Vec<Place> = [1e3, 2e3, 4e3, 8e3, 1.6e4]
 //!     .into_iter()
 //!     .flat_map(|params_nonvocab| [1e9, 4e9, 1.6e10].map(|budget_flops| (params_nonvocab, budget_flops)))
@@ -35,14 +35,14 @@ mod search;
 pub use rule::{CellRate, Rule, fit_rule};
 pub use search::{Place, Setting, Trial, next};
 
-/// The share of a budget's sizes, and of its vocabularies, in the middle: an optimum is expected there,
-/// and the rate of a cell far from it is nobody's concern.
+/// The middle fraction of a budget's sizes, and of its vocabularies: the optimum is expected there, and rates far from
+/// it do not matter.
 const MIDDLE: [f64; 2] = [0.15, 0.85];
 /// Added to the diagonal of the information, so that the first cells are chosen by it too.
 const RIDGE: f64 = 0.1;
 
-/// At most `count` of some cells, by their indices: those that together tell most of how a rate goes
-/// with N_nv, V and D (the largest determinant of the information, cell by cell).
+/// The indices of at most `count` cells that together determine best how the rate depends on N_nv, V and D (the
+/// largest determinant of the information, cell by cell).
 pub fn choose(cells: &[Place], count: usize) -> Vec<usize> {
     let mut open: Vec<usize> = (0..cells.len()).filter(|i| is_central(cells, *i)).collect();
     let rows = standardised(cells);
@@ -101,7 +101,7 @@ fn with(information: &[[f64; 4]; 4], row: &[f64; 4]) -> [[f64; 4]; 4] {
     sum
 }
 
-/// Of a positive definite matrix, by elimination.
+/// The determinant of a positive definite matrix, by elimination.
 fn determinant(mut m: [[f64; 4]; 4]) -> f64 {
     let mut product = 1.0;
     for i in 0..4 {

@@ -1,4 +1,4 @@
-//! Trials into the best rate of each cell, and those into a rule of rate, batch and schedule.
+//! Fits the best rate of each cell, and the rule of rate, batch and schedule.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use super::search::{Cell, Place, Trial, best_batch, other, rate_factor};
 use crate::laws::{LeastSquares, least_squares};
 use crate::sweep::{BatchRule, LrRule, RateParams, ScheduleKind, TrainSection};
 
-/// What the trials of a cell say of its rate.
+/// The best rate of a cell by its trials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CellRate {
     #[serde(flatten)]
@@ -16,7 +16,7 @@ pub struct CellRate {
     pub best_loss: f64,
     /// The rate at the bottom of the parabola in ln lr through it and the rates on both sides.
     pub optimal_lr: f64,
-    /// Nats that a factor e from there costs; none where a rate beside it diverged.
+    /// Nats lost by a factor e from it; `None` if a neighbouring rate diverged.
     pub nats_per_ln2: Option<f64>,
     /// L_u at the sweep's own rate.
     pub own_loss: Option<f64>,
@@ -25,8 +25,7 @@ pub struct CellRate {
 }
 
 impl CellRate {
-    /// Of the rates that were tried, ascending factors of √2 with their losses; none where all of them
-    /// diverged.
+    /// The rates tried, as ascending factors of √2, with their losses; `None` if all diverged.
     fn of(place: Place, rates: &[(i32, f64)]) -> Option<Self> {
         let lr = |rate: i32| place.lr * rate_factor(rate);
         let tried: Vec<(f64, f64)> = rates.iter().map(|(rate, loss)| (lr(*rate), *loss)).collect();
@@ -47,7 +46,7 @@ impl CellRate {
         })
     }
 
-    /// How much worse than its best the cell is at another rate, in nats, by its parabola.
+    /// The loss above the cell's best at another rate, in nats, by its parabola.
     pub fn regret(&self, lr: f64) -> Option<f64> {
         Some(self.nats_per_ln2? * (lr / self.optimal_lr).ln().powi(2))
     }
@@ -80,16 +79,16 @@ fn vertex(
     }
 }
 
-/// What the exponents of N_nv, D and V are expected to be, with deviations (`experiments/LOG.md`).
+/// The priors of the exponents of N_nv, D and V, with standard deviations (`experiments/LOG.md`).
 const EXPECTED: [[f64; 2]; 3] = [[-0.4, 0.2], [0.0, 0.1], [0.0, 0.2]];
-/// How far the best rate of one cell is off, in ln: half a step of the search.
+/// The error of a cell's best rate, in ln: half a step of the search.
 const RATE_SD: f64 = 0.35;
 /// A rule's `max` over the largest rate that it asks for in the cells tried.
 const HEADROOM: f64 = 2.0;
-/// A mean gain counts from this many of its own standard errors.
+/// Standard errors from which a mean gain counts.
 const CLEAR: f64 = 2.0;
 
-/// A rule, and what it rests on.
+/// A rule, and its evidence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rule {
     pub lr: LrRule,
@@ -107,15 +106,15 @@ pub struct Rule {
     /// The best batch as factors of 2 of the sweep's own, and its mean gain with the standard error.
     pub batch_doublings: i32,
     pub batch_gain: Option<[f64; 2]>,
-    /// What the other schedule changes, with the standard error.
+    /// The effect of the other schedule, with its standard error.
     pub schedule_gain: Option<[f64; 2]>,
 }
 
-/// The rule that the trials at some cells tell; none where fewer than two cells have a best rate.
+/// The rule from the trials at some cells; `None` if fewer than two cells have a best rate.
 ///
-/// The rate is a power of N_nv and D through the cells' best rates, drawn towards what is expected by as
-/// much as few cells leave open. Another batch, or schedule, is taken where it is clearly better over all
-/// cells; a rate goes with the root of the batch (Malladi et al. 2022).
+/// The rate is a power law of N_nv and D through the cells' best rates, shrunk towards the priors. Another batch, or
+/// schedule, is chosen if it is clearly better over all cells; a rate scales with the root of the batch (Malladi et
+/// al. 2022).
 pub fn fit_rule(places: &[Place], train: &TrainSection, trials: &[Trial]) -> Option<Rule> {
     let own = train.schedule.kind;
     let searched = Cell::all(places.len(), own, trials);
@@ -203,7 +202,7 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.2e}").parse().expect("a number that was printed")
 }
 
-/// How ln lr goes with ln V beside the other two, and the standard error.
+/// The slope of ln lr in ln V, with the other two, and its standard error.
 fn vocab_exponent(cells: &[CellRate]) -> Option<[f64; 2]> {
     let row = |place: &Place| {
         let [n, d] = [place.params_nonvocab.ln(), place.tokens.ln()];
@@ -213,7 +212,7 @@ fn vocab_exponent(cells: &[CellRate]) -> Option<[f64; 2]> {
     Some([fit.coefficients[3], fit.unit_error(&[0.0, 0.0, 0.0, 1.0])])
 }
 
-/// Least squares of ln lr in units of its deviation, with a row for what is expected of each exponent.
+/// Least squares of ln lr in units of its standard deviation, with a row for the prior of each exponent.
 fn expected_fit(cells: &[CellRate], row: impl Fn(&Place) -> Vec<f64>) -> Option<LeastSquares> {
     if cells.len() < 2 {
         return None;

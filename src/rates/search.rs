@@ -1,4 +1,4 @@
-//! A setting of rate, batch and schedule at a cell, what came of it, and what is tried next.
+//! Settings of rate, batch and schedule at a cell, their results, and the next settings.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ pub struct Place {
     pub lr: f64,
 }
 
-/// Rate and batch as multiples of what the sweep's own rules say, and the schedule.
+/// Rate and batch as multiples of the sweep's rules, and the schedule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Setting {
     /// Factors of √2.
@@ -34,8 +34,7 @@ impl Setting {
         Self { rate: 0, batch: 0, schedule }
     }
 
-    /// The training section of a sweep under this setting. No rate is held under a bound, and nothing is
-    /// shared: each trial is a run of its own.
+    /// The training section of a sweep under this setting, without bounds on the rate and without shared trunks.
     pub fn of(self, train: &TrainSection) -> TrainSection {
         let mut own = train.clone();
         own.lr.coefficient *= rate_factor(self.rate);
@@ -49,23 +48,23 @@ impl Setting {
     }
 }
 
-/// What a rate of so many factors of √2 is multiplied by.
+/// The factor of a rate, from its number of factors of √2.
 pub(super) fn rate_factor(rate: i32) -> f64 {
     2f64.powf(f64::from(rate) / 2.0)
 }
 
-/// What came of a setting at a cell.
+/// The result of a setting at a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
-    /// Which of the cells.
+    /// The index of the cell.
     pub cell: usize,
     pub setting: Setting,
-    /// L_u in nats; none where the run diverged, or the budget does not bear the setting.
+    /// L_u in nats; `None` if the run diverged, or the budget buys too few steps.
     pub loss: Option<f64>,
 }
 
 impl Trial {
-    /// The loss, above all others where there is none.
+    /// The loss; infinite if there is none.
     pub fn height(&self) -> f64 {
         self.loss.unwrap_or(f64::INFINITY)
     }
@@ -77,7 +76,7 @@ const STEP: i32 = 2;
 const FARTHEST_RATE: i32 = 10;
 const FARTHEST_BATCH: i32 = 3;
 
-/// The next trials at `n_cells` cells, (cell, setting); none where the search is over.
+/// The next trials at `n_cells` cells, (cell, setting); none if the search is over.
 ///
 /// First the rates of each cell, a factor of 2 apart, until the best has a worse one on both sides. Then
 /// batches, each cell's rate moved by √2 for each factor of 2 (Malladi et al. 2022), until the best of all

@@ -1,16 +1,15 @@
 //! The facts of a finished run, each declared once.
 //!
-//! A line says who knows the fact (`planned`, `measured`) or that it is a `loss`, its name and its
-//! type. The order is that of the table's columns, so a new fact stands last. A new fact is an
-//! `Option`, since older records lack it. The types that are none are what a row is nothing without:
-//! a record that lacks one of them, or every loss, is damaged.
+//! A line has the group of the fact (`planned`, `measured` or `loss`), its name and its type. The order is that of the
+//! table's columns, so a new fact is appended. A new fact is an `Option`, since older records lack it. Other types
+//! are required: a record that lacks one of them, or every loss, is damaged.
 
 use serde::{Deserialize, Serialize};
 
 use crate::laws;
 use crate::spec::FlopsRule;
 
-/// What the cells of a column are.
+/// The type of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CellKind {
     /// A whole number from 0.
@@ -42,7 +41,7 @@ macro_rules! facts {
         #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
         pub struct Planned { $($planned)* }
 
-        /// Facts that training adds: what the run spent, where and on what.
+        /// Facts from training: the run's cost, device and data.
         #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
         pub struct Measured { $($measured)* }
 
@@ -139,7 +138,7 @@ facts! {
     planned params_text: Option<usize>,
     /// The embedding table as built, special tokens included.
     planned params_embedding: Option<usize>,
-    /// The output head as built; zero where it is tied to the embedding.
+    /// The output head as built; zero if it is tied to the embedding.
     planned params_head: Option<usize>,
     /// Supervised motion tokens, end tokens included (D).
     measured tokens: usize,
@@ -153,7 +152,7 @@ facts! {
     planned lr: Option<f64>,
     /// Cross-entropy on the test split, per supervised token.
     loss LOSS_NATS = "loss_nats",
-    /// L_u: cross-entropy minus that of the unigram model on the same targets.
+    /// L_u: cross-entropy minus the unigram model's on the same targets.
     loss LOSS_NORMALISED = laws::LOSS_NORMALISED,
     /// Cross-entropy per frame of motion; does not depend on V.
     loss NATS_PER_FRAME = "nats_per_frame",
@@ -170,12 +169,12 @@ facts! {
     measured git_revision: Option<String>,
     /// The kind of model: `autoregressive`.
     planned generator: Option<String>,
-    /// The kind of tokenizer: `convolutional`. Null where the sweep has no data.
+    /// The kind of tokenizer: `convolutional`. Null if the sweep has no data.
     planned tokenizer_kind: Option<String>,
-    /// How the tokenizer makes codes: `fsq` or `vq`. Null where the sweep has no data.
+    /// The quantizer: `fsq` or `vq`. Null if the sweep has no data.
     planned quantizer: Option<String>,
-    /// What it has of the keys that the sweep varies: `train.lr=0.001`. Null where it varies none.
+    /// Its values of varied keys: `train.lr=0.001`. Null if none vary.
     planned varied: Option<String>,
-    /// What the run saw of the training split's clips, 1 being all. Null in older records, which saw all.
+    /// The fraction of the training split's clips used, 1 for all. Null in older records, which used all.
     planned share: Option<f64>,
 }

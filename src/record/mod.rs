@@ -1,7 +1,7 @@
-//! What a finished run leaves behind: its record, and the table of all records.
+//! Records of finished runs, and the table of all records.
 //!
-//! [`facts`] declares every fact once. Records and the table follow from the declaration: a new fact
-//! is a line there, and a value where records are made.
+//! [`facts`] declares every fact once. Records and the table are derived from it: a new fact needs a line there, and a
+//! value where records are made.
 //!
 //! # Example
 //!

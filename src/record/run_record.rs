@@ -1,4 +1,4 @@
-//! [`RunRecord`]: everything a finished run knows about itself, one row of `runs.parquet`.
+//! [`RunRecord`]: all facts of a finished run, one row of `runs.parquet`.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -14,10 +14,10 @@ use crate::spec::FlopsRule;
 /// The format of `record.json` that is written.
 pub const FORMAT: u32 = 2;
 
-/// One finished run: what was trained, what it spent, how well it did.
+/// One finished run: specification, cost and results.
 ///
-/// Written whole, by rename, after success only. Losses are in nats, times in seconds. A fact that the
-/// record lacks, because an older build wrote it, is `None`.
+/// Renamed into place, and only after success. Losses are in nats, times in seconds. A fact that an older build did
+/// not write is `None`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Map<String, Value>")]
 pub struct RunRecord {
@@ -28,7 +28,7 @@ pub struct RunRecord {
     pub metrics: Metrics,
 }
 
-/// A run that lacks what is asked of it.
+/// A run that lacks a requested fact.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("its record has no {what}")]
 pub struct Lacking {
@@ -83,7 +83,7 @@ impl RunRecord {
     /// Training FLOPs achieved, by a rule.
     ///
     /// # Errors
-    /// They were not counted so.
+    /// The run has no count by this rule.
     pub fn flops(&self, rule: FlopsRule) -> Result<f64, Lacking> {
         let counted = match rule {
             FlopsRule::OpenAi => self.measured.flops_openai,
@@ -93,12 +93,12 @@ impl RunRecord {
         counted.ok_or_else(|| Lacking { what: format!("flops_{}", rule.name()) })
     }
 
-    /// What it saw of the training split's clips, 1 being all.
+    /// The fraction of the training split's clips used, 1 for all.
     pub fn share(&self) -> f64 {
         self.planned.share.unwrap_or(1.0)
     }
 
-    /// L_u on each block of the test split, less their mean; empty where it is not known.
+    /// L_u on each block of the test split, less their mean; empty if it is not known.
     fn by_block(&self) -> Vec<f64> {
         let losses = (0..).map_while(|block| self.metrics.get(&block_metric(block)));
         let losses: Vec<f64> = losses.collect();
@@ -128,7 +128,7 @@ impl RunRecord {
             about: RunFacts {
                 n_layer: self.planned.n_layer,
                 tokenizer: self.planned.tokenizer_id.clone(),
-                // A trainer of somebody's own that does not say leaves 0.
+                // 0 if a user's trainer does not report it.
                 unique_tokens: self.measured.unique_tokens.filter(|n| *n > 0).map(|n| n as f64),
                 share: self.planned.share,
                 by_block: if metric.name() == LOSS_NORMALISED {
@@ -141,7 +141,7 @@ impl RunRecord {
     }
 }
 
-/// FLOPs of their budgets that runs spent a second, one at a time; `None` where that is no rate. Runs
+/// FLOPs of their budgets that runs spent a second, one at a time; `None` if that is no rate. Runs
 /// whose time is not known are left out.
 pub fn flops_per_second(records: impl IntoIterator<Item = RunRecord>) -> Option<f64> {
     let (mut flops, mut seconds) = (0.0, 0.0);
@@ -153,12 +153,12 @@ pub fn flops_per_second(records: impl IntoIterator<Item = RunRecord>) -> Option<
     Some(flops / seconds).filter(|rate| rate.is_finite() && *rate > 0.0)
 }
 
-/// How well a run did: values by name. A metric that nobody declared is kept like the others.
+/// The results of a run by name. Undeclared metrics are kept too.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Metrics(BTreeMap<Cow<'static, str>, f64>);
 
 impl Metrics {
-    /// The value of a metric; `None` where the run was not measured so.
+    /// The value of a metric; `None` if the run was not measured so.
     pub fn get(&self, name: &str) -> Option<f64> {
         self.0.get(name).copied()
     }
@@ -193,14 +193,14 @@ impl<'de> Deserialize<'de> for Metrics {
     }
 }
 
-/// `record.json` as it may lie on the disk: in the format of today, or in an older one.
+/// `record.json` on the disk, in the current or an older format.
 ///
 /// | format | layout |
 /// | --- | --- |
-/// | 1 | every fact and metric side by side, no `format` |
+/// | 1 | all facts and metrics on one level, no `format` |
 /// | 2 | `format`, `planned`, `measured`, `metrics` |
 ///
-/// A key that nobody knows is passed over, so a newer build's record is read too.
+/// Unknown keys are ignored, so records of newer builds can be read.
 impl TryFrom<Map<String, Value>> for RunRecord {
     type Error = serde_json::Error;
 

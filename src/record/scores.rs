@@ -1,4 +1,4 @@
-//! What motions score: the tables `scores` of a sweep's runs, and `published` of systems beside one another.
+//! Tables of scores: `scores` of a sweep's runs, and `published` of systems.
 
 use std::fs::File;
 use std::path::Path;
@@ -10,18 +10,18 @@ use super::table::{TableError, write_frame};
 use crate::scores::Repeated;
 use crate::scores::published::{Printed, Row, SCORES};
 
-/// What a column of half-widths is named after its score.
+/// The suffix of a column of half-widths.
 const HALF: &str = "_half_width";
 
-/// A run's facts and losses, and what its motions score.
+/// A run's facts, losses and scores.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Quality {
     pub run: RunRecord,
     /// Scores of different evaluators are not comparable.
     pub evaluator_id: String,
-    /// How far motions were moved away from those without text.
+    /// Strength of classifier-free guidance.
     pub guidance: f64,
-    /// Each score with its name: that of a column.
+    /// Each score with its column name.
     pub scores: Vec<(&'static str, Option<Repeated>)>,
 }
 
@@ -71,7 +71,7 @@ fn score_frame(rows: &[Quality]) -> PolarsResult<DataFrame> {
     DataFrame::new(rows.len(), columns)
 }
 
-/// A run and what its motions score.
+/// A run and its scores.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScoredRun {
     pub generator: String,

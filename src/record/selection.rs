@@ -1,4 +1,4 @@
-//! The runs that laws are fitted to: of the largest share, at equal FLOPs, and of a varied key the best.
+//! Selects the runs for laws: the largest share, equal FLOPs, and the best variant of a varied key.
 
 use std::collections::BTreeMap;
 
@@ -36,23 +36,23 @@ fn at_equal_flops(record: &RunRecord, rule: FlopsRule, point: &IsoFlopPoint) -> 
     moved
 }
 
-/// The runs that stand for their cells.
+/// The runs that represent their cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuned {
-    /// In their order; all of them where nothing was varied.
+    /// In their order; all runs if nothing was varied.
     pub records: Vec<RunRecord>,
-    /// How often each variant was the best, in a sentence; `None` where nothing was varied.
+    /// A sentence on how often each variant was best; `None` if nothing was varied.
     pub told: Option<String>,
 }
 
-/// A cell without what is varied: generator, layers, heads, width, vocabulary, budget and share.
+/// A cell without varied keys: generator, layers, heads, width, vocabulary, budget and share.
 type Cell = (Option<String>, [Option<usize>; 3], usize, [u64; 2]);
 
 /// Variants that a sentence names, at most.
 const NAMED: usize = 4;
 
 impl Tuned {
-    /// Of each cell the variant with the lowest mean of L_u over its seeds and tokenizers.
+    /// The variant of each cell with the lowest mean L_u over seeds and tokenizers.
     pub fn of(records: &[RunRecord]) -> Self {
         if records.iter().all(|record| record.planned.varied.is_none()) {
             return Self { records: records.to_vec(), told: None };

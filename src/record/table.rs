@@ -1,8 +1,7 @@
-//! `runs.parquet` and `runs.csv`: a row a finished run. Beside the table of scores, the one
-//! place that knows polars.
+//! `runs.parquet` and `runs.csv`: one row per finished run. Only this file and the table of scores use
+//! polars.
 //!
-//! The columns are those of [`COLUMNS`], then metrics that nobody declared, by name. A column that is
-//! not there reads as null.
+//! The columns are those of [`COLUMNS`], then undeclared metrics by name. A missing column reads as null.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -15,6 +14,7 @@ use serde_json::{Map, Value, json};
 use super::facts::{COLUMNS, CellKind, FactColumn, LOSSES, Planned};
 use super::run_record::{RunRecord, flat};
 use crate::files::atomic::write_whole;
+use crate::table::parquet_frame;
 
 /// Why a table could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -66,20 +66,26 @@ pub(super) fn write_frame(
         .map_err(|error| TableError::new(&csv, error))
 }
 
-/// Reads `runs.parquet` of a sweep's folder, or `runs.csv` where that alone was kept.
+/// Reads `runs.parquet` of a sweep's folder, or `runs.csv` if only that was kept.
 ///
 /// # Errors
-/// The file is missing or damaged; a column has another type; a row lacks what it is nothing without.
+/// The file is missing or damaged; a column has another type; a row lacks a required value.
 pub fn read(folder: &Path) -> Result<Vec<RunRecord>, TableError> {
     let [parquet, csv] = ["runs.parquet", "runs.csv"].map(|name| folder.join(name));
     let is_csv = !parquet.exists() && csv.exists();
     let path = if is_csv { csv } else { parquet };
-    let file = File::open(&path).map_err(|error| TableError::new(&path, error))?;
-    let frame = if is_csv { csv_frame(file) } else { ParquetReader::new(file).finish() };
+    let frame = if is_csv {
+        let file = File::open(&path).map_err(|error| TableError::new(&path, error))?;
+        csv_frame(file)
+    } else {
+        let bytes = std::fs::read(&path).map_err(|error| TableError::new(&path, error))?;
+        let read = parquet_frame(bytes).map_err(|error| TableError::new(&path, error))?;
+        Ok(read.0)
+    };
     frame.and_then(|frame| rows(&frame)).map_err(|error| TableError::new(&path, error))
 }
 
-/// A table of text, with each column turned into what it is declared as; the others into numbers.
+/// Converts a table of text: declared columns to their type, the others to numbers.
 fn csv_frame(file: File) -> PolarsResult<DataFrame> {
     let options = CsvReadOptions::default().with_infer_schema_length(Some(0));
     let text = options.into_reader_with_file_handle(file).finish()?;
@@ -111,7 +117,7 @@ fn frame(records: &[RunRecord]) -> PolarsResult<DataFrame> {
     DataFrame::new(records.len(), columns)
 }
 
-/// The facts of a record in the order of the columns; null for what it lacks.
+/// The facts of a record in the order of the columns; null for missing ones.
 fn cells(record: &RunRecord) -> Vec<Value> {
     let (planned, measured) = (json!(record.planned), json!(record.measured));
     let fact = |column: &FactColumn| planned.get(column.name).or(measured.get(column.name));
@@ -179,14 +185,16 @@ fn read_column<'a>(
     Ok(Some((name, cells)))
 }
 
-/// Takes every loss for a metric, and every column of numbers that nobody declared.
+/// Collects the metrics: every loss, and every undeclared column of numbers.
 fn read_metrics(frame: &DataFrame, to: &mut [RunRecord]) -> PolarsResult<()> {
     for column in frame.columns() {
         let name = column.name().as_str();
         let is_other = !is_declared(name) && column.dtype() == &DataType::Float64;
         if is_other || LOSSES.contains(&name) {
-            for (record, value) in to.iter_mut().zip(column.f64()?.iter()) {
-                value.into_iter().for_each(|x| record.metrics.set(name.to_string(), x));
+            for (row, (record, value)) in to.iter_mut().zip(column.f64()?.iter()).enumerate() {
+                let Some(x) = value else { continue };
+                polars_ensure!(x.is_finite(), ComputeError: "row {} has {x} for {name}", row + 1);
+                record.metrics.set(name.to_string(), x);
             }
         }
     }
@@ -227,6 +235,21 @@ mod tests {
         // The CSV stands in for it where it alone was kept.
         std::fs::remove_file(place.path().join("runs.parquet")).unwrap();
         assert_eq!(read(place.path()).unwrap(), records);
+    }
+
+    #[test]
+    fn a_table_without_rows_reads_as_none() {
+        let place = tempfile::tempdir().unwrap();
+        write(place.path(), &[]).unwrap();
+        assert_eq!(read(place.path()).unwrap(), []);
+    }
+
+    #[test]
+    fn a_loss_that_is_not_finite_is_refused_with_its_row() {
+        let mut record = whole();
+        record.metrics.set("loss_nats", f64::INFINITY);
+        let error = rewritten(&[whole(), record], |_| ()).unwrap_err();
+        assert!(error.contains("row 2 has inf for loss_nats"), "{error}");
     }
 
     #[test]

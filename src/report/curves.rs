@@ -1,4 +1,4 @@
-//! [`Chart`]: the frame of a drawing; and the IsoFLOP curves: every run, and where the predicted optimum lies.
+//! [`Chart`], the frame of a drawing, and the IsoFLOP curves: every run, and the predicted optimum.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use crate::laws::text::count;
 use crate::predict::Prediction;
 use crate::record::RunRecord;
 
-/// Pixels of the whole, and of what stands beside the plot.
+/// Pixels of the whole, and of the margins.
 const WIDTH: f64 = 760.0;
 const HEIGHT: f64 = 420.0;
 const LEFT: f64 = 64.0;
@@ -17,7 +17,7 @@ const RIGHT: f64 = 16.0;
 const TOP: f64 = 14.0;
 const BOTTOM: f64 = 46.0;
 
-/// Room beside the outermost values, as a share of their span.
+/// Margin around the outermost values, as a fraction of their span.
 const ROOM: f64 = 0.04;
 
 /// A plot with a logarithmic x axis and a linear y axis.
@@ -28,7 +28,7 @@ pub struct Chart {
 }
 
 impl Chart {
-    /// A chart that holds all points; `None` where there is none.
+    /// A chart that holds all points; `None` without points.
     pub fn around(points: impl IntoIterator<Item = (f64, f64)>) -> Option<Self> {
         let usable = points.into_iter().map(|(x, y)| (x.log10(), y));
         let usable = usable.filter(|(x, y)| x.is_finite() && y.is_finite());
@@ -50,7 +50,7 @@ impl Chart {
         HEIGHT - BOTTOM - (value - low) / (high - low) * (HEIGHT - TOP - BOTTOM)
     }
 
-    /// Pixels from the left, held within the plot.
+    /// Pixels from the left, clamped to the plot.
     pub fn x_within(&self, value: f64) -> f64 {
         self.x(value).clamp(LEFT, WIDTH - RIGHT)
     }
@@ -69,7 +69,7 @@ impl Chart {
         points.into_iter().enumerate().map(at).collect()
     }
 
-    /// The drawing, with axes of these names around what is drawn within.
+    /// The drawing, with named axes around it.
     pub fn drawing(&self, id: &str, about: &str, [x, y]: [&str; 2], within: &Markup) -> Markup {
         let middle = (LEFT + WIDTH - RIGHT) / 2.0;
         let centre = (TOP + HEIGHT - BOTTOM) / 2.0;
@@ -96,7 +96,7 @@ impl Chart {
         }
     }
 
-    /// 1, and where there is room 2 and 5, times each power of ten.
+    /// 1, and if there is room 2 and 5, times each power of ten.
     fn ticks_x(&self) -> Vec<(f64, String)> {
         let [low, high] = self.x;
         let steps: &[f64] = if high - low < 2.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };
@@ -123,7 +123,7 @@ fn roomy([low, high]: [f64; 2]) -> [f64; 2] {
     [low - room, high + room]
 }
 
-/// Pixels as they are written.
+/// Pixels as text.
 pub fn px(value: f64) -> String {
     format!("{value:.1}")
 }
@@ -140,7 +140,7 @@ fn short(value: f64) -> String {
 
 // The IsoFLOP curves.
 
-/// The curves; `None` where no run has a loss.
+/// The curves; `None` if no run has a loss.
 pub fn isoflop(study: &Study) -> Option<Markup> {
     let budgets = budgets(study.records);
     let best = budgets.iter().flat_map(|budget| best_of_sizes(study.records, *budget));
@@ -158,8 +158,8 @@ pub fn isoflop(study: &Study) -> Option<Markup> {
         "{loss} of runs against {size}, with a line through the best of each size of a budget"
     );
     let within = html! {
-        p { "The lines go through the best run of each size; the other runs near them are faint. Point \
-             at a run, or tap it, to read it. The shaded band is the predicted " (size) " of the budget chosen above." }
+        p { "The lines go through the best run of each size; the other runs are faint. Point at a run, or \
+        tap it, to read its values. The shaded band is the predicted " (size) " for the budget chosen above." }
         (chart.drawing(&study.id("isoflop"), &study.own(&about), [size, &loss_axis], &drawn))
         p.pointed aria-live="polite" { "\u{a0}" }
         ul.legend {
@@ -189,7 +189,7 @@ fn curve(chart: &Chart, study: &Study, budget: f64, colour: &str) -> Markup {
     }
 }
 
-/// The band of the predicted N_nv, which the slider moves.
+/// The band of the predicted N_nv, moved by the slider.
 fn optimum(chart: &Chart, study: &Study) -> Markup {
     let (top, bottom) = (TOP, HEIGHT - BOTTOM);
     let place = |prediction: &Prediction| {

@@ -1,9 +1,10 @@
-//! [`ReportInput`]: all that a page shows, and of it a [`Study`] for each generator: its runs, and what its
-//! quantities are called.
+//! [`ReportInput`]: the contents of a page, with a [`Study`] for each generator: its runs, and the names of its
+//! quantities.
 
 use maud::{Markup, PreEscaped, html};
 use serde_json::Value;
 
+use super::figure::Figure;
 use crate::codes::TokenizerMetrics;
 use crate::laws::text::count;
 use crate::laws::{Laws, Parameters};
@@ -11,14 +12,16 @@ use crate::motion::Pose;
 use crate::predict::Prediction;
 use crate::record::{RunRecord, of_largest_share};
 
-/// All that a page shows.
+/// The contents of a page.
 pub struct ReportInput<'a> {
     pub name: &'a str,
     /// One for each generator.
     pub studies: &'a [Study<'a>],
     pub samples: &'a [Sample],
+    /// Motions that cannot be shown, a sentence each.
+    pub not_shown: &'a [String],
     pub tokenizers: &'a [TokenizerMetrics],
-    /// Those of all generators together.
+    /// The figures of all generators together.
     pub figures: &'a [Figure],
     /// The resolved sweep, in YAML; empty for a table made elsewhere.
     pub sweep: &'a str,
@@ -26,26 +29,20 @@ pub struct ReportInput<'a> {
     pub dropped: &'a [String],
 }
 
-/// The runs of one generator, and what they bear.
+/// The runs of one generator, and their laws.
 pub struct Study<'a> {
-    /// The generator's name; `None` where the sweep has one alone.
+    /// The generator's name; `None` if the sweep has only one.
     pub generator: Option<&'a str>,
-    /// What the loss is called, if it is not L_u: the column or expression of a table.
+    /// The name of the loss, if it is not L_u: the column or expression of a table.
     pub loss_name: Option<&'a str>,
-    /// What `isoflop run` says at its end.
+    /// The final text of `isoflop run`.
     pub verdict: &'a str,
-    /// Absent where the runs bear none.
+    /// `None` if no laws could be fitted.
     pub laws: Option<&'a Laws>,
-    /// By rising budgets: what the slider moves over.
+    /// The steps of the slider, by rising budgets.
     pub predictions: &'a [Prediction],
     pub records: &'a [RunRecord],
     pub figures: &'a [Figure],
-}
-
-/// A figure of the sweep's folder.
-pub struct Figure {
-    pub name: String,
-    pub svg: String,
 }
 
 /// A motion of the study.
@@ -56,7 +53,7 @@ pub struct Sample {
     pub fps: f64,
     /// Metres.
     pub poses: Vec<Pose>,
-    /// The true motion of that caption, where the data are at hand.
+    /// The true motion of that caption, if the data are at hand.
     pub truth: Option<Vec<Pose>>,
 }
 
@@ -68,22 +65,22 @@ impl ReportInput<'_> {
 }
 
 impl Study<'_> {
-    /// An id of the page that no other generator has.
+    /// An id on the page, unique to the generator.
     pub(super) fn id(&self, name: &str) -> String {
         self.generator.map_or_else(|| name.to_string(), |generator| format!("{generator}-{name}"))
     }
 
-    /// Words on the page that no other generator has.
+    /// Text on the page, unique to the generator.
     pub(super) fn own(&self, text: &str) -> String {
         self.generator.map_or_else(|| text.to_string(), |generator| format!("{text}, {generator}"))
     }
 
-    /// A section of the page that no other generator has.
+    /// A section of the page, unique to the generator.
     pub(super) fn section(&self, name: &str, heading: &str, within: &Markup) -> Markup {
         section(&self.id(name), &self.own(heading), within)
     }
 
-    /// What its quantities are called.
+    /// The names of its quantities.
     pub(super) fn words(&self) -> Words {
         let total = self.laws.is_some_and(|laws| laws.parameters == Parameters::Total);
         let has_vocab = !total && self.records.iter().any(|run| run.planned.n_vocab > 0);
@@ -102,14 +99,14 @@ pub(super) fn section(id: &str, heading: &str, within: &Markup) -> Markup {
     html! { section aria-labelledby=(id) { h2 id=(id) { (heading) } (within) } }
 }
 
-/// JSON that ends no script element.
+/// JSON that cannot end a script element.
 pub(super) fn json_text(data: &Value) -> PreEscaped<String> {
     PreEscaped(data.to_string().replace('<', "\\u003c"))
 }
 
-/// What a page calls the loss and the size of a model: in a sweep, and in a table made elsewhere.
+/// The names of the loss and of the model's size: they differ between a sweep and another table.
 pub(super) struct Words {
-    /// The size of a model: N_nv, or N where the vocabulary's parameters are not told apart.
+    /// The size of a model: N_nv, or N if the vocabulary's parameters are not counted separately.
     pub size: &'static str,
     /// The loss in a sentence.
     pub loss: &'static str,
@@ -127,7 +124,7 @@ pub(super) fn extent(records: &[&RunRecord]) -> String {
         _ => String::new(),
     };
     let seconds: f64 = records.iter().filter_map(|record| record.measured.wall_s).sum();
-    // A table made elsewhere knows no times.
+    // A table made elsewhere has no times.
     let hours =
         if seconds > 0.0 { format!(", {:.1} core-hours", seconds / 3600.0) } else { String::new() };
     format!("{} runs{span}{hours}", records.len())

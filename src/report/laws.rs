@@ -1,4 +1,4 @@
-//! The laws: what they predict, what they say, with what certainty, and the minima that they stand on.
+//! The laws: predictions, exponents, intervals, and the minima that they are fitted to.
 
 use maud::{Markup, html};
 use serde_json::{Value, json};
@@ -12,7 +12,7 @@ use crate::predict::Prediction;
 use crate::words::prediction::{all_together, buildable, cells, standing};
 use crate::words::thousandths;
 
-/// A slider over budgets, the configuration and the loss over budgets; `None` where nothing is predicted.
+/// A slider over budgets, the configuration and the loss over budgets; `None` if nothing is predicted.
 pub fn prediction(study: &Study) -> Option<Markup> {
     let last = study.predictions.len().checked_sub(1)?;
     // The first budget beyond the runs, or the last.
@@ -51,20 +51,20 @@ pub fn prediction(study: &Study) -> Option<Markup> {
 /// The symbols in words.
 fn explained(study: &Study) -> String {
     match (study.loss_name, study.words().size) {
-        (None, _) => "N_nv: parameters beside those of the vocabulary. V: codes. D: tokens of training. \
-                      loss: L_u, nats a token below a model that knows only how often each code is met."
+        (None, _) => "N_nv: parameters outside the vocabulary. V: number of codes. D: training tokens. \
+        loss: L_u, in nats per token relative to a model that knows only the frequency of each code."
             .to_string(),
-        (Some(name), "N") => format!("N: model size. D: tokens of training. loss: {name}."),
+        (Some(name), "N") => format!("N: model size. D: training tokens. loss: {name}."),
         (Some(name), _) => format!(
-            "N_nv: parameters beside those of the vocabulary. D: tokens of training. loss: {name}."
+            "N_nv: parameters outside the vocabulary. D: training tokens. loss: {name}."
         ),
     }
 }
 
-/// What the script shows of a prediction: all of it written here.
+/// The texts of a prediction that the script shows.
 fn shown(prediction: &Prediction) -> Value {
     let shape = prediction.shape.as_ref();
-    let shape = shape.map(|shape| format!("Nearest that can be built: {}", buildable(shape)));
+    let shape = shape.map(|shape| format!("Nearest model that can be built: {}", buildable(shape)));
     json!({
         "budget_flops": prediction.budget_flops,
         "flops": count(prediction.budget_flops),
@@ -103,19 +103,19 @@ fn losses(study: &Study) -> Option<Markup> {
         }
         circle.mark r="6" data-places=(marks.join(",")) {}
     };
-    let about = "against budgets with its 95 % interval, and the minima of the runs";
+    let about = "over budgets with its 95 % interval, and the minima of the runs";
     let about = format!("Predicted {} {about}", words.loss);
     let axes = ["FLOPs", &words.loss_axis];
     Some(chart.drawing(&study.id("losses"), &study.own(&about), axes, &drawn))
 }
 
-/// The minima that the laws stand on, and the one held out.
+/// The minima that the laws are fitted to, and the held-out one.
 fn own_minima(laws: &Laws) -> impl Iterator<Item = &Minimum> {
     laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method)
 }
 
 fn told(minimum: &Minimum, words: &Words) -> String {
-    let word = if minimum.trusted { "trusted minimum" } else { "minimum in doubt" };
+    let word = if minimum.trusted { "trusted minimum" } else { "flagged minimum" };
     let vocab = if words.has_vocab { format!(", V {:.0}", minimum.n_vocab) } else { String::new() };
     let Words { size, loss, .. } = words;
     let (own, [c, n]) =
@@ -123,9 +123,9 @@ fn told(minimum: &Minimum, words: &Words) -> String {
     format!("{word} at {c}: {loss} {own:.4}, {size} {n}{vocab}")
 }
 
-// What they say.
+// The laws as tables.
 
-/// Laws, minima and what was said of them.
+/// Laws, minima and warnings.
 pub fn section(study: &Study, laws: &Laws) -> Markup {
     let held_out = laws.held_out.as_ref();
     let without = held_out.map(|held_out| format!("without {}", count(held_out.budget_flops)));
@@ -140,7 +140,7 @@ pub fn section(study: &Study, laws: &Laws) -> Markup {
             &powers(laws)
         ))
         (table(
-            &study.own("Laws of the loss through the minima; the error is that of laws without the held-out budget"),
+            &study.own("Laws of the loss through the minima; the error is measured without the held-out budget"),
             &["law", if study.loss_name.is_none() { "held-out error, nats" } else { "held-out error" }, "parameters"],
             &loss_laws(laws)
         ))
@@ -148,7 +148,7 @@ pub fn section(study: &Study, laws: &Laws) -> Markup {
         (minima(study, laws))
         @if !laws.warnings.is_empty() {
             details {
-                summary { "Remarks on the fit: " (laws.warnings.len()) }
+                summary { "Warnings of the fit: " (laws.warnings.len()) }
                 ul { @for warning in &laws.warnings { li { (warning) } } }
             }
         }
@@ -156,7 +156,7 @@ pub fn section(study: &Study, laws: &Laws) -> Markup {
     study.section("laws", "Laws", &within)
 }
 
-/// The law to believe: its formula, its exponents and what is in doubt.
+/// The recommended law: its formula, its exponents and doubts.
 fn own(study: &Study, laws: &Laws) -> Markup {
     let answer = laws.answer();
     let row = |(name, own): (&str, &Exponent)| {
@@ -173,7 +173,7 @@ fn own(study: &Study, laws: &Laws) -> Markup {
             p { "Recommended: " (recommended.law.about()) ", " (recommended.why) "." }
         }
         p { code { (answer.formula) } }
-        (table(&study.own(&title), &["quantity", "exponent", "95 %", "why not"], &rows))
+        (table(&study.own(&title), &["quantity", "exponent", "95 %", "why not determined"], &rows))
         p { (answer.verdict) }
         @if !answer.doubts.is_empty() {
             ul { @for doubt in &answer.doubts { li { (doubt.sentence()) } } }
@@ -181,7 +181,7 @@ fn own(study: &Study, laws: &Laws) -> Markup {
     }
 }
 
-/// The exponents of the laws through minima, and without the held-out budget where there is one.
+/// The exponents of the laws through minima; if a budget is held out, also without it.
 fn powers(laws: &Laws) -> Vec<Vec<String>> {
     let row = |(name, law): (&str, &PowerLaw)| {
         let before = laws.held_out.as_ref().map(|held_out| match name {
@@ -220,7 +220,7 @@ fn loss_laws(laws: &Laws) -> Vec<Vec<String>> {
     log.into_iter().chain(floor).map(row).collect()
 }
 
-/// What the intervals are made of.
+/// The sources of error in the intervals.
 fn parts(study: &Study, laws: &Laws) -> Markup {
     let row = |part: &IntervalPart| {
         let of = [part.exponent_nonvocab, part.exponent_vocab, part.exponent_tokens];
@@ -228,8 +228,8 @@ fn parts(study: &Study, laws: &Laws) -> Markup {
         [part.part.clone()].into_iter().chain(of).collect()
     };
     let rows: Vec<Vec<String>> = laws.judgement.interval_parts.iter().map(row).collect();
-    let head = ["reason", study.words().size, "N_v", "D"];
-    html! { @if !rows.is_empty() { (table(&study.own("The intervals of the exponents, had they one reason alone"), &head, &rows)) } }
+    let head = ["source", study.words().size, "N_v", "D"];
+    html! { @if !rows.is_empty() { (table(&study.own("Intervals of the exponents by each source of error alone"), &head, &rows)) } }
 }
 
 fn minima(study: &Study, laws: &Laws) -> Markup {

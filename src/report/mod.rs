@@ -1,7 +1,7 @@
-//! A sweep's results as one page that opens without a network: `report.html`.
+//! A sweep's results as one HTML page that needs no network: `report.html`.
 //!
-//! [`ReportInput`] is all that the page shows; a function a section makes its markup of that. The script
-//! only moves, sorts and filters what is there: every number is written here.
+//! [`ReportInput`] holds the contents; one function per section makes its markup. The script only moves, sorts
+//! and filters: every number is written here.
 //!
 //! # Example
 //!
@@ -25,6 +25,7 @@
 //!     name: "cmu-motion",
 //!     studies: &[study],
 //!     samples: &[],
+//!     not_shown: &[],
 //!     tokenizers: &[],
 //!     figures: &[],
 //!     sweep: "name: cmu-motion",
@@ -35,11 +36,13 @@
 //! ```
 
 mod curves;
+mod figure;
 mod input;
 mod laws;
 mod tables;
 
-pub use input::{Figure, ReportInput, Sample, Study};
+pub use figure::Figure;
+pub use input::{ReportInput, Sample, Study};
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::{Value, json};
@@ -53,7 +56,7 @@ pub fn page(input: &ReportInput) -> String {
     let sections = [
         tables::generators(input.studies),
         Some(html! { @for study in input.studies { (of_study(study)) } }),
-        samples(input.samples),
+        samples(input),
         input.studies.first().and_then(|study| tables::runs(&records, &study.words())),
         tables::tokenizers(input.tokenizers),
         Some(figures(input)),
@@ -79,7 +82,7 @@ pub fn page(input: &ReportInput) -> String {
     page.into_string()
 }
 
-/// What the runs of one generator say.
+/// The results of one generator.
 fn of_study(study: &Study) -> Markup {
     let sections = [
         Some(verdict(study)),
@@ -97,7 +100,7 @@ fn verdict(study: &Study) -> Markup {
     study.section("verdict", "Verdict", &within)
 }
 
-/// The figures of all generators together, then those of each.
+/// The figures of all generators together, then of each.
 fn figures(input: &ReportInput) -> Markup {
     html! {
         @if !input.figures.is_empty() { (section("all-figures", "Figures", &drawn(input.figures))) }
@@ -109,29 +112,41 @@ fn figures(input: &ReportInput) -> Markup {
 
 fn drawn(figures: &[Figure]) -> Markup {
     html! {
-        @for Figure { name, svg } in figures {
+        @for (name, figure) in figures.iter().map(|figure| (figure.name.replace('_', " "), figure)) {
             figure {
-                // Without what stands before the root of the file.
-                div.paper role="img" aria-label=(name.replace('_', " ")) {
-                    (PreEscaped(svg.find("<svg").map_or("", |start| &svg[start..])))
-                }
-                figcaption { (name.replace('_', " ")) }
+                div.paper role="img" aria-label=(name) { (PreEscaped(figure.svg())) }
+                figcaption { (name) }
             }
         }
     }
 }
 
-// Motions that were made, as skeletons that play, turn and can be stopped.
+// Generated motions, as skeletons that play, turn and can be stopped.
 
-/// The viewer; `None` where there is no motion.
-fn samples(samples: &[Sample]) -> Option<Markup> {
+/// The viewer, and what it cannot show; `None` where there is no motion.
+fn samples(input: &ReportInput) -> Option<Markup> {
+    let viewer = viewer(input.samples);
+    let within = html! {
+        @if let Some((viewer, _)) = &viewer { (viewer) }
+        @for sentence in input.not_shown { p { (sentence) } }
+    };
+    (viewer.is_some() || !input.not_shown.is_empty()).then(|| {
+        html! {
+            (section("samples", "Samples", &within))
+            @if let Some((_, script)) = &viewer { (script) }
+        }
+    })
+}
+
+/// What is seen of the viewer, and the script that moves it, which follows.
+fn viewer(samples: &[Sample]) -> Option<(Markup, Markup)> {
     let shown: Vec<Value> = samples.iter().map(shown).collect();
     let data = json!({ "parents": PARENTS, "samples": shown });
     let within = html! {
         p {
-            "Motions that a run made of captions of the test split"
+            "Motions that a run generated from captions of the test split"
             @if samples.iter().any(|sample| sample.truth.is_some()) {
-                ", and beside each the true motion of its caption"
+                ", each next to the true motion of its caption"
             }
             ". Drag to turn them."
         }
@@ -150,13 +165,11 @@ fn samples(samples: &[Sample]) -> Option<Markup> {
         }
         p { "Run " code id="maker" {} }
     };
-    (!samples.is_empty()).then(|| {
-        html! {
-            (section("samples", "Samples", &within))
-            script id="motions" type="application/json" { (json_text(&data)) }
-            script { (PreEscaped(include_str!("samples.js"))) }
-        }
-    })
+    let script = html! {
+        script id="motions" type="application/json" { (json_text(&data)) }
+        script { (PreEscaped(include_str!("samples.js"))) }
+    };
+    (!samples.is_empty()).then_some((within, script))
 }
 
 /// Positions in millimetres, frame after frame.
@@ -167,3 +180,6 @@ fn shown(sample: &Sample) -> Value {
     let truth = sample.truth.as_ref().map(flat);
     json!({ "run": sample.run_id, "fps": sample.fps, "mm": flat(&sample.poses), "truth": truth })
 }
+
+#[cfg(test)]
+mod tests;

@@ -11,16 +11,16 @@
   const length = (mm) => mm.length / (3 * joints);
   const frames = () => Math.max(length(shown.mm), shown.truth ? length(shown.truth) : 0);
   const at = (mm, frame, joint) => mm.slice(3 * (frame * joints + joint), 3 * (frame * joints + joint) + 3);
-  /** Motions, what they are called, and how far to the right each is drawn, in widths of the stage. */
+  /** Motions, their labels, and their offset to the right in widths of the stage. */
   const bodies = () => shown.truth
-    ? [[shown.truth, "true motion", -0.24], [shown.mm, "made", 0.24]]
+    ? [[shown.truth, "true motion", -0.24], [shown.mm, "generated", 0.24]]
     : [[shown.mm, "", 0]];
 
-  /** The middle of the floor that is walked on, and how much has to fit. */
+  /** The middle of the floor, and the extent that has to fit. */
   const frame = () => {
     const sides = [0, 2].map((axis) => {
       const all = bodies().flatMap(([mm]) => mm.filter((_, i) => i % 3 === axis));
-      return [Math.min(...all), Math.max(...all)];
+      return all.reduce(([low, high], x) => [Math.min(low, x), Math.max(high, x)], [all[0], all[0]]);
     });
     centre = sides.map(([low, high]) => (low + high) / 2);
     size = Math.max(2200, ...sides.map(([low, high]) => high - low + 600));
@@ -48,9 +48,11 @@
     pen.clearRect(0, 0, stage.width, stage.height);
     pen.lineWidth = 1;
     pen.strokeStyle = borderTopColor;
-    const half = Math.ceil(size / 1000) * (shown.truth ? 250 : 500);
+    // Squares of half a metre, or twice, four times … as much where the path is long.
+    const side = 500 * 2 ** Math.max(0, Math.ceil(Math.log2(size / 20000)));
+    const half = Math.ceil(size / (2 * side)) * side / (shown.truth ? 2 : 1);
     for (const [, , aside] of bodies()) {
-      for (let way = -half; way <= half; way += 500) {
+      for (let way = -half; way <= half; way += side) {
         const [x, z] = [centre[0] + way, centre[1] + way];
         line(pen, project([x, 0, centre[1] - half], aside), project([x, 0, centre[1] + half], aside));
         line(pen, project([centre[0] - half, 0, z], aside), project([centre[0] + half, 0, z], aside));

@@ -1,5 +1,5 @@
 "use strict";
-// Moves, sorts and filters what the page holds; every number is written by isoflop.
+// Moves, sorts and filters the contents of the page; every number is written by isoflop.
 
 const at = (id) => document.getElementById(id);
 
@@ -9,7 +9,7 @@ function cell(name, text) {
   return made;
 }
 
-/** The slider of a generator's predictions, and what it moves. */
+/** The slider over a generator's predictions, and the parts that it updates. */
 function slider(study) {
   const part = (name) => study.querySelector(`.${name}`);
   const data = JSON.parse(part("predictions").textContent);
@@ -48,7 +48,7 @@ function slider(study) {
   };
 
   const move = () => show(Number(budget.value));
-  /** `report.html#1e12` stands on the nearest budget. */
+  /** `report.html#1e12` selects the nearest budget. */
   const follow = () => {
     const asked = Math.log(Number(location.hash.slice(1)));
     if (Number.isFinite(asked)) {
@@ -97,7 +97,7 @@ if (table) {
   };
   heads.forEach((head, column) => head.firstChild.addEventListener("click", () => sort(column)));
 
-  /** Every word stands in a cell; `V=128` in the cell of that column. */
+  /** Whether every word occurs in a cell; `V=128` must be in the cell of that column. */
   const fits = (row, word) => {
     const [name, value] = word.split("=");
     const cells = [...row.cells].map((one) => one.textContent.toLowerCase());

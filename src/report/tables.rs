@@ -1,4 +1,4 @@
-//! The tables of the page: generators side by side, runs, tokenizers, and where the results come from.
+//! The tables of the page: generators side by side, runs, tokenizers and provenance.
 
 use std::collections::BTreeSet;
 use std::iter;
@@ -12,7 +12,7 @@ use crate::laws::{Exponent, Laws};
 use crate::record::RunRecord;
 use crate::words::from_to;
 
-/// A table whose first column names its rows; it scrolls by itself where it is wider than the page.
+/// A table whose first column names its rows; it scrolls if it is wider than the page.
 pub fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> Markup {
     html! {
         div.wide tabindex="0" role="region" aria-label=(caption) {
@@ -38,13 +38,13 @@ pub fn interval(interval: Option<[f64; 2]>, number: fn(f64) -> String) -> String
     interval.map_or_else(String::new, |ends| from_to(ends, number))
 }
 
-/// The generators of a sweep side by side; `None` where it has one.
+/// The generators of a sweep side by side; `None` if it has one.
 pub fn generators(studies: &[Study]) -> Option<Markup> {
     let head =
         ["generator", "runs", "C", "lowest L_u", "N_nv", "V", "exponent of N_nv", "of N_v", "of D"];
     let rows: Vec<Vec<String>> = studies.iter().filter_map(of_generator).collect();
     let within = html! {
-        (table("The best run at the largest budget, and exponents of C with 95 % intervals", &head, &rows))
+        (table("The best run at the largest budget, and exponents in C with 95 % intervals", &head, &rows))
         nav aria-label="Generators" {
             ul.legend {
                 @for study in studies {
@@ -52,8 +52,8 @@ pub fn generators(studies: &[Study]) -> Option<Markup> {
                 }
             }
         }
-        p.faint { "L_u is in nats a token. Losses of generators with other kinds of tokens do not compare; \
-                   the scores of their motions do." }
+        p.faint { "L_u is in nats per token. Losses of generators with different kinds of tokens cannot be \
+        compared; the scores of their motions can." }
     };
     (!rows.is_empty()).then(|| section("generators", "Generators", &within))
 }
@@ -91,10 +91,10 @@ fn best(records: &[RunRecord], budget: f64) -> Option<(&RunRecord, f64)> {
     measured.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The runs, in a table that sorts and filters; `None` where there is none.
+/// The runs, in a table that sorts and filters; `None` without runs.
 pub fn runs(records: &[&RunRecord], words: &Words) -> Option<Markup> {
     let (size, loss) = (words.size, words.loss);
-    // After the generator's.
+    // After the generator's column.
     let columns =
         [size, "layers", "width", "V", "C", "share", "seed", "D", "epochs", loss, "seconds"];
     let within = html! {
@@ -118,7 +118,7 @@ pub fn runs(records: &[&RunRecord], words: &Words) -> Option<Markup> {
     (!records.is_empty()).then(|| section("runs", "Runs", &within))
 }
 
-/// What is read in the cells of a run, and what each is sorted by.
+/// The cells of a run: text and sort key.
 fn of_run(record: &RunRecord) -> [(String, Option<f64>); 12] {
     let (planned, measured) = (&record.planned, &record.measured);
     let number =
@@ -142,7 +142,7 @@ fn of_run(record: &RunRecord) -> [(String, Option<f64>); 12] {
     ]
 }
 
-/// The tokenizers beside k-means; `None` where the study has none.
+/// The tokenizers next to k-means; `None` if the study has none.
 pub fn tokenizers(tokenizers: &[TokenizerMetrics]) -> Option<Markup> {
     let head = [
         "V",
@@ -150,7 +150,7 @@ pub fn tokenizers(tokenizers: &[TokenizerMetrics]) -> Option<Markup> {
         "seed",
         "MPJPE, mm",
         "heading given",
-        "k-means so",
+        "k-means, heading given",
         "codes used",
         "effective codes",
         "steps across codes",
@@ -190,18 +190,18 @@ fn of_tokenizer(metrics: &TokenizerMetrics) -> Vec<String> {
     ]
 }
 
-/// Where the results come from: versions, machines, the resolved sweep, and what was not run.
+/// The provenance: versions, machines, the resolved sweep, and cells that were not run.
 pub fn provenance(input: &ReportInput) -> Markup {
     let records = input.records();
     let rows = [
-        ("isoflop, for this page", env!("CARGO_PKG_VERSION").to_string()),
-        ("revisions that trained", each(&records, |run| run.measured.git_revision.clone())),
+        ("isoflop that wrote this page", env!("CARGO_PKG_VERSION").to_string()),
+        ("training revisions", each(&records, |run| run.measured.git_revision.clone())),
         ("devices", each(&records, |run| run.measured.device.clone())),
         ("seeds", each(&records, |run| run.planned.seed.map(|seed| seed.to_string()))),
     ];
     let rows = rows.map(|(name, value)| vec![name.to_string(), value]);
     let within = html! {
-        (table("Versions and machines", &["what", "which"], &rows))
+        (table("Versions and machines", &["item", "value"], &rows))
         @if !input.dropped.is_empty() {
             details {
                 summary { "Cells of the grid that were not run: " (input.dropped.len()) }
@@ -218,7 +218,7 @@ pub fn provenance(input: &ReportInput) -> Markup {
     section("about", "Provenance", &within)
 }
 
-/// The values that runs have, each once.
+/// The distinct values of the runs.
 fn each(records: &[&RunRecord], of: fn(&RunRecord) -> Option<String>) -> String {
     let values: BTreeSet<String> = records.iter().copied().filter_map(of).collect();
     values.into_iter().collect::<Vec<_>>().join(", ")

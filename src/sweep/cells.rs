@@ -1,4 +1,4 @@
-//! What a grid is made of: its models, by a list, a name or a rule, their shapes, and conditions of its cells.
+//! The elements of a grid: its models, by a list, a name or a rule, their shapes, and conditions of its cells.
 
 use super::sections::{ModelEntry, ModelList, ModelSection};
 use crate::spec::{Ffn, ModelShape, TextSpec};
@@ -45,7 +45,7 @@ fn d_ff(d_model: usize, model: &ModelSection) -> usize {
     width.next_multiple_of(model.ffn_multiple)
 }
 
-/// Names that `grid.models` knows.
+/// Names allowed in `grid.models`.
 pub const MODEL_LISTS: [&str; 1] = ["scamo"];
 
 /// The models of a list that has a name; `None` for an unknown one.
@@ -95,7 +95,7 @@ impl Condition {
     /// Names that a condition may compare, in the order of [`Condition::holds`].
     pub const FIELDS: [&str; 6] = ["n_layer", "n_head", "d_model", "n_vocab", "budget", "share"];
 
-    /// Reads a condition; the error says what was not understood.
+    /// Reads a condition; the error names the part that was not understood.
     pub fn parse(text: &str) -> Result<Self, String> {
         text.split(" and ").map(comparison).collect::<Result<_, _>>().map(Self)
     }

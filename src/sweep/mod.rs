@@ -41,8 +41,7 @@ use presets::Layers;
 use problem::nearest;
 use typed::{RemovedEntries, typed};
 
-/// Reads a sweep file, or where there is none of that name a preset, with `path=value` settings laid
-/// over it.
+/// Reads a sweep file, or a preset if no file has that name, and applies `path=value` settings.
 pub fn read(path: &Path, settings: &[String]) -> Result<Sweep, SweepErrors> {
     if let Some(preset) = presets::at(path) {
         let named = Mapping::from_iter([("preset".into(), preset.name.into())]);
@@ -55,14 +54,14 @@ pub fn read(path: &Path, settings: &[String]) -> Result<Sweep, SweepErrors> {
     parse(&source.name, &source.text, settings)
 }
 
-/// What cannot be read may be the name of a preset, with a slip in it.
+/// If the file is missing, suggests the closest preset name.
 fn or_a_preset(problem: Problem, path: &Path) -> Problem {
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let help = format!("no preset has that name either; {}", nearest(&name, &presets::NAMES));
     if path.exists() { problem } else { problem.with_help(help) }
 }
 
-/// Reads a profile: a file with the keys of `engine.slurm`, to be laid over those of sweeps.
+/// Reads a profile: a file with keys of `engine.slurm`, which override those of sweeps.
 pub fn read_profile(path: &Path) -> Result<SlurmSection, SweepErrors> {
     let source = yaml::source(path)?;
     gather_profile(&source.text).map_err(|problems| SweepErrors { sources: vec![source], problems })
@@ -77,10 +76,10 @@ pub fn parse(file: &str, text: &str, settings: &[String]) -> Result<Sweep, Sweep
     }
 }
 
-/// A sweep of keys, and of the file that they include or the preset that they name.
+/// A sweep from keys, over the file that they include or the preset that they name.
 ///
-/// Settings that say what a section is are laid over the keys first, so that nothing of a preset's
-/// section of another kind is left; then all of them over both.
+/// Settings of a section's kind are applied to the keys first, so that a preset's section of another kind is removed;
+/// then all settings are applied to both.
 fn gather(keys: Mapping, source: Source, settings: &[String]) -> Result<Sweep, SweepErrors> {
     let mut own = Value::Mapping(keys);
     overrides::apply(&mut own, &overrides::of_kinds(settings));
@@ -128,8 +127,8 @@ fn gather_profile(text: &str) -> Result<SlurmSection, Vec<Problem>> {
     }
 }
 
-/// A problem of what is left, at its place in the file; `None` where it may only stem from what
-/// was taken out: a list that is too short.
+/// A problem of the rest, at its place in the file; `None` if it may only come from a removed entry: a list that is
+/// too short.
 fn led_back(problem: Problem, removed: &RemovedEntries) -> Option<Problem> {
     let axes = ["grid.models", "grid.vocab", "grid.budgets"];
     let zipped = problem.path.starts_with("grid.zip");
@@ -181,6 +180,14 @@ mod tests {
         let text = errors(text, &[setting]).render(false);
         let told = format!("at tokenizer.plateau.evaluations in --set {setting}");
         assert!(text.contains(&told), "{text}");
+    }
+
+    #[test]
+    fn of_many_wrong_keys_the_first_are_told() {
+        let keys: String = (0..99).map(|i| format!("k{i}: 1\n")).collect();
+        let errors = errors(&keys, &[]);
+        assert_eq!(errors.problems.len(), 21);
+        assert!(errors.problems[20].message.contains("mend these first"));
     }
 
     #[test]

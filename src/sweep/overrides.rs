@@ -1,4 +1,4 @@
-//! Keys laid over keys: those of a sweep file over the ones below it, and `--set path=value` over both.
+//! Overrides of keys: a sweep file over its preset or included file, and `--set path=value` over both.
 
 use serde_yaml::{Mapping, Value};
 
@@ -10,13 +10,13 @@ pub const PRESET: &str = "preset";
 
 /// The key of a sweep file that names the file below it.
 pub const INCLUDE: &str = "include";
-/// The key that says what a section is.
+/// The key of a section's kind.
 pub const KIND: &str = "kind";
 
-/// `own` over `below`, and the paths at which `own` stands whole in place of what is below.
+/// `own` over `below`, and the paths at which `own` replaces `below` entirely.
 ///
-/// Mappings merge key by key; all else replaces. A mapping with a `kind` that is not the one below
-/// replaces that too, whose other keys belong to another kind.
+/// Mappings merge key by key; everything else is replaced. A mapping with a different `kind` is also replaced, since
+/// its keys belong to that kind.
 pub fn over(own: Mapping, below: Mapping) -> (Mapping, Vec<String>) {
     let mut replaced = Vec::new();
     let merged = merged(own, below, "", &mut replaced);
@@ -53,7 +53,7 @@ fn dotted(path: &str, key: &Value) -> String {
 
 // Settings.
 
-/// Lays each setting over `value`; what cannot be applied is returned as a problem.
+/// Applies each setting to `value`; settings that cannot be applied are returned as problems.
 pub fn apply(value: &mut Value, settings: &[String]) -> Vec<Problem> {
     settings.iter().filter_map(|setting| set(value, setting).err()).collect()
 }
@@ -69,8 +69,8 @@ fn set(value: &mut Value, setting: &str) -> Result<(), Problem> {
     Ok(())
 }
 
-/// The settings that say of what kind a section is, or which preset or file a sweep lies over: what is kept of
-/// a preset depends on them.
+/// The settings of a section's kind, or of the preset or file below a sweep: they decide which keys of a preset are
+/// kept.
 pub fn of_kinds(settings: &[String]) -> Vec<String> {
     let says = |setting: &&String| {
         let path = setting.split_once('=').map_or("", |(path, _)| path);
@@ -79,7 +79,7 @@ pub fn of_kinds(settings: &[String]) -> Vec<String> {
     settings.iter().filter(says).cloned().collect()
 }
 
-/// Marks a problem as the fault of the setting that it stems from, where there is one.
+/// Attributes a problem to the setting that caused it, if there is one.
 pub fn blame(problem: &mut Problem, settings: &[String]) {
     let within = |path: &str| {
         let rest = problem.path.strip_prefix(path);

@@ -1,4 +1,4 @@
-//! What is wrong with a sweep file, shown where it stands.
+//! Problems of a sweep file, shown at their place.
 
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -13,13 +13,13 @@ pub struct Problem {
     /// The entry, as `grid.models[1].n_head`; empty for the file as a whole.
     pub path: String,
     pub message: String,
-    /// How to mend it.
+    /// The remedy.
     pub help: Option<String>,
     /// Whether the key is at fault and not its value.
     pub at_key: bool,
     /// The `--set` that it stems from, and not the file.
     pub setting: Option<String>,
-    /// Where the file stops being YAML.
+    /// The place where YAML parsing failed.
     pub byte: Option<usize>,
 }
 
@@ -45,6 +45,9 @@ pub struct SweepErrors {
     pub problems: Vec<Problem>,
 }
 
+/// Problems shown with their lines, at most.
+const MOST_SHOWN: usize = 50;
+
 /// Bytes of one of the sources.
 type Place = (usize, Range<usize>);
 
@@ -62,10 +65,13 @@ impl SweepErrors {
         let placed = self.problems.iter().map(|problem| (self.place(problem, &places), problem));
         let mut placed: Vec<_> = placed.collect();
         placed.sort_by_key(|(place, _)| place.as_ref().map(|(index, span)| (*index, span.start)));
-        for (place, problem) in placed {
+        let n = placed.len();
+        for (place, problem) in placed.into_iter().take(MOST_SHOWN) {
             let _ = writeln!(text, "{}", renderer.render(&[self.group(problem, place)]));
         }
-        let n = self.problems.len();
+        if n > MOST_SHOWN {
+            let _ = writeln!(text, "and {} more", n - MOST_SHOWN);
+        }
         let _ = write!(text, "{}: {n} problem{}", self.file(), if n == 1 { "" } else { "s" });
         text
     }
@@ -75,7 +81,7 @@ impl SweepErrors {
         self.sources.first().map_or("", |source| &source.name)
     }
 
-    /// The bytes at fault; `None` for what stands nowhere in the file.
+    /// The bytes at fault; `None` without a place in the file.
     fn place(&self, problem: &Problem, places: &Places) -> Option<Place> {
         if problem.setting.is_some() {
             return None;
@@ -105,7 +111,7 @@ impl SweepErrors {
         }
     }
 
-    /// The place in words, for what stands in no line: a missing key, or a `--set`.
+    /// The place in words, for problems without a line: a missing key, or a `--set`.
     fn nowhere(&self, problem: &Problem) -> String {
         match (&problem.setting, problem.path.as_str()) {
             (Some(setting), path) if setting.starts_with(path) => format!("in --set {setting}"),
@@ -116,7 +122,7 @@ impl SweepErrors {
     }
 }
 
-/// Advice for a name that is not known: `did you mean …?`, or the list of what may stand there.
+/// Advice for an unknown name: `did you mean …?`, or the list of valid names.
 pub fn nearest(wrong: &str, valid: &[&str]) -> String {
     let best = valid
         .iter()
@@ -128,7 +134,7 @@ pub fn nearest(wrong: &str, valid: &[&str]) -> String {
     }
 }
 
-// Where in the texts of a sweep an entry such as `grid.models[1].n_head` stands.
+// The place of an entry such as `grid.models[1].n_head` in the texts of a sweep.
 
 /// A text with keys of a sweep: a file, or a preset.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -136,17 +142,17 @@ pub struct Source {
     /// In messages: the file's path, or `preset NAME`.
     pub name: String,
     pub text: String,
-    /// Paths at which it stands whole in place of the sources below it.
+    /// Paths at which it replaces the sources below it entirely.
     pub replaces: Vec<String>,
 }
 
 impl Source {
-    /// A text that stands in place of nothing.
+    /// A text that replaces nothing.
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         Self { name: name.into(), text: text.into(), replaces: Vec::new() }
     }
 
-    /// Whether what stands at a path comes from here, or from nowhere below.
+    /// Whether the entry at a path comes from this text, not from one below.
     fn hides(&self, path: &str) -> bool {
         self.replaces.iter().any(|whole| {
             path.strip_prefix(whole.as_str()).is_some_and(|rest| rest.starts_with(['.', '[']))
@@ -180,12 +186,12 @@ impl Places {
 /// Byte ranges of one entry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Location {
-    /// The key, or the value where the entry is an item of a list.
+    /// The key, or the value if the entry is an item of a list.
     pub key: Range<usize>,
     pub value: Range<usize>,
 }
 
-/// Byte ranges of every entry of a YAML text, by path; empty where the text is no YAML.
+/// Byte ranges of every entry of a YAML text, by path; empty if the text is no YAML.
 pub fn locations(text: &str) -> HashMap<String, Location> {
     let bytes: Vec<usize> = text.char_indices().map(|(byte, _)| byte).chain([text.len()]).collect();
     let mut walk = Walk { bytes, stack: Vec::new(), locations: HashMap::new() };
@@ -275,6 +281,18 @@ mod tests {
         assert_eq!(found("g.v[0]"), Some(1));
         assert_eq!(found("t.layers"), None, "it was replaced");
         assert_eq!(found("s"), None);
+    }
+
+    #[test]
+    fn of_many_problems_the_first_fifty_are_shown_and_the_others_counted() {
+        let items = vec!["0"; 53].join(", ");
+        let source = Source::new("a", format!("seeds: [{items}]\n"));
+        let problems =
+            (0..53).map(|i| Problem::value(format!("seeds[{i}]"), format!("number {i}")));
+        let errors = SweepErrors { sources: vec![source], problems: problems.collect() };
+        let text = errors.render(false);
+        assert!(text.contains("number 49") && !text.contains("number 50"), "{text}");
+        assert!(text.ends_with("and 3 more\na: 53 problems"), "{text}");
     }
 
     #[test]

@@ -1,10 +1,13 @@
-//! A value as the type that it should be, with every entry that is wrong named, in words of people who write YAML.
+//! Converts a YAML value to its type, and names every wrong entry in terms of YAML.
 
 use serde::de::DeserializeOwned;
 use serde_yaml::Value;
 
 use super::path;
 use super::problem::{Problem, nearest};
+
+/// Entries that are told at once: each is looked for in the whole file again.
+const MOST_TOLD: usize = 20;
 
 /// Deserialises; each entry that fails is noted and taken out, until the rest is right or stuck.
 pub fn typed<T: DeserializeOwned>(
@@ -25,6 +28,10 @@ pub fn typed<T: DeserializeOwned>(
         if missed.is_none_or(|field| !removed.holds(&field)) {
             problems.push(explain(&in_the_file, &message));
         }
+        if problems.len() >= MOST_TOLD {
+            problems.push(Problem::value("", "there may be more: mend these first"));
+            return None;
+        }
         if path.is_empty() || !path::remove(&mut value, &path) {
             return None;
         }
@@ -32,7 +39,7 @@ pub fn typed<T: DeserializeOwned>(
     }
 }
 
-/// The path of the field that `message` misses: one that was taken out is no problem of its own.
+/// The path of the missing field in `message`; a removed field is no further problem.
 fn missing_field(path: &str, message: &str) -> Option<String> {
     let name = message.strip_prefix("missing field `")?.split('`').next()?;
     Some(if path.is_empty() { name.to_string() } else { format!("{path}.{name}") })
@@ -54,7 +61,7 @@ fn explain(path: &str, message: &str) -> Problem {
     }
 }
 
-/// What serde calls values of YAML, and what people do: as it was found, or as it is wanted.
+/// serde's names of YAML values, and plain ones: as found, and as expected.
 const WORDS: [(&str, &str); 17] = [
     ("floating point ", ""),
     ("integer ", ""),
@@ -98,10 +105,9 @@ fn in_words(what: &str) -> String {
     }
 }
 
-/// Paths of entries that were taken out, as they stand in the file.
+/// Paths of removed entries, as in the file.
 ///
-/// An item that is taken out of a list moves those behind it forward; the file knows nothing of
-/// that, so paths of what is left have to be led back.
+/// Removing an item of a list shifts the items after it, so paths of the rest must be mapped back to the file.
 #[derive(Default)]
 pub struct RemovedEntries(Vec<String>);
 
@@ -111,7 +117,7 @@ impl RemovedEntries {
         self.0.push(path);
     }
 
-    /// Whether the entry is one of them: that it is missing now is no problem of its own.
+    /// Whether the entry was removed, so that its absence is no further problem.
     pub fn holds(&self, path: &str) -> bool {
         self.0.iter().any(|taken| taken == path)
     }
@@ -121,7 +127,7 @@ impl RemovedEntries {
         !self.items(path).is_empty()
     }
 
-    /// The path in the file of what stands at `path` now.
+    /// The path in the file of the entry now at `path`.
     pub fn in_the_file(&self, path: &str) -> String {
         let (mut found, mut rest) = (String::new(), path);
         while let Some((before, after)) = rest.split_once('[') {

@@ -1,4 +1,4 @@
-//! `grid.vary`: one sweep as several, which differ in keys of one's choice.
+//! `grid.vary`: expands one sweep into several that differ in given keys.
 
 use serde_json::Value;
 
@@ -8,22 +8,22 @@ use super::sections::Sweep;
 /// A sweep with one value for each varied key.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variant {
-    /// `train.lr=0.001, train.weight_decay=0`; `None` where nothing is varied.
+    /// `train.lr=0.001, train.weight_decay=0`; `None` if nothing is varied.
     pub label: Option<String>,
     pub sweep: Sweep,
 }
 
 impl Sweep {
-    /// The sweep once for each combination of what it varies; itself where it varies nothing.
+    /// The sweep for each combination of varied keys; itself if nothing varies.
     ///
     /// # Panics
-    /// Values cannot stand at their keys, which the check of a sweep refuses.
+    /// Values are invalid at their keys, which the check of a sweep refuses.
     pub fn variants(&self) -> Vec<Variant> {
         let variants = self.combined().collect::<Result<_, _>>();
         variants.expect("checked when the sweep was read")
     }
 
-    /// The combinations one by one: the sweep, or what cannot stand there, in serde's words after its label.
+    /// The combinations one by one: the sweep, or serde's error after the label of the invalid value.
     pub(super) fn combined(&self) -> impl Iterator<Item = Result<Variant, String>> {
         let mut plain = self.clone();
         let vary = std::mem::take(&mut plain.grid.vary);
@@ -42,7 +42,7 @@ impl Sweep {
     /// The sweep with a value at a key.
     ///
     /// # Errors
-    /// What cannot stand there, in serde's words.
+    /// serde's error of an invalid value.
     pub(super) fn with(&self, key: &str, value: &Value) -> Result<Self, String> {
         let mut whole = serde_yaml::to_value(self).map_err(|error| error.to_string())?;
         let place = path::entry(&mut whole, key).ok_or("there is no such entry")?;

@@ -1,4 +1,4 @@
-//! YAML read within bounds: aliases and nesting can make gigabytes of a few kilobytes.
+//! Reads YAML within limits: aliases and nesting can turn a few kilobytes into gigabytes.
 
 use std::cell::Cell;
 use std::fmt;
@@ -12,10 +12,10 @@ use serde_yaml::{Mapping, Value};
 use super::problem::{Problem, Source, SweepErrors};
 use crate::files::read_text;
 
-/// What a sweep file is, for an error.
+/// The description of a sweep file, for an error.
 pub const SWEEP_FILE: &str = "a sweep file is a mapping with at least `name` and `grid`";
 
-/// A file as it stands.
+/// The text of a file.
 ///
 /// # Errors
 /// It cannot be read.
@@ -30,7 +30,7 @@ pub fn source(path: &Path) -> Result<Source, SweepErrors> {
     }
 }
 
-/// The mapping that a text holds; `otherwise` says what it should hold.
+/// The mapping in a text; `otherwise` describes the expected content.
 ///
 /// # Errors
 /// It is not YAML, or no mapping.
@@ -49,10 +49,10 @@ pub fn mapping(text: &str, otherwise: &str) -> Result<Mapping, Problem> {
 const MOST_BYTES: usize = 1 << 20;
 /// Lists and mappings within one another.
 const DEEPEST: usize = 128;
-/// Values, those of an alias counted wherever it stands.
+/// Number of values, with those of an alias counted at each use.
 const MOST_VALUES: usize = 200_000;
 
-/// The value that a text holds.
+/// The value in a text.
 ///
 /// # Errors
 /// It is not YAML; it is too long, too deep, or holds too many values.
@@ -66,7 +66,7 @@ fn value(text: &str) -> Result<Value, serde_yaml::Error> {
     Counted(&Cell::new(MOST_VALUES)).deserialize(serde_yaml::Deserializer::from_str(text))
 }
 
-/// How deep brackets stand open, and lists begin on one line; brackets in quotes and comments count too.
+/// Depth of open brackets, and of lists begun on one line; brackets in quotes and comments count too.
 fn depth(text: &str) -> usize {
     let (mut open, mut most) = (0usize, 0);
     for line in text.lines() {
@@ -99,7 +99,7 @@ impl<'de> DeserializeSeed<'de> for Counted<'_> {
     }
 }
 
-/// Visits of what is a value as it stands.
+/// Visits of plain values.
 macro_rules! plain {
     ($($visit:ident: $type:ty),*) => {
         $(fn $visit<E>(self, value: $type) -> Result<Value, E> {

@@ -1,25 +1,24 @@
-//! Laws and predictions in words, for a terminal: sentences, broken at its columns, and numbers, which may
-//! be missing.
+//! Laws and predictions as text for a terminal: wrapped sentences, and numbers that may be missing.
 
 pub mod fit;
 pub mod prediction;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Columns of a line where no terminal is known, and of every table.
+/// Columns of a line if no terminal is known, and of every table.
 const COLUMNS: usize = 80;
 
-/// Columns that sentences are broken at.
+/// Columns at which sentences are wrapped.
 static WIDTH: AtomicUsize = AtomicUsize::new(COLUMNS);
 
-/// Breaks all sentences from now on at the columns of a terminal, at 60 or 120 where it is narrower or
-/// wider; the program says so once, where its results go to a terminal.
+/// Wraps all sentences from now on at the columns of a terminal, clamped to 60 to 120. The program calls this
+/// once, if its results go to a terminal.
 pub fn fit_to_terminal(columns: usize) {
     WIDTH.store(columns.clamp(60, 120), Ordering::Relaxed);
 }
 
-/// `sentence` broken at spaces into lines of a terminal, 80 columns where none is known, the first after
-/// `bullet`, the others indented as far; a single longer word stays whole. Ends with a newline.
+/// Wraps `sentence` at spaces: the first line follows `bullet`, the others are indented as far. A word that is
+/// longer than a line stays whole. Ends with a newline.
 pub fn wrap(bullet: &str, sentence: &str) -> String {
     broken(bullet, sentence, WIDTH.load(Ordering::Relaxed))
 }
@@ -87,7 +86,7 @@ mod tests {
     use crate::predict::{ModelSize, PredictOptions, Prediction, predict, predict_sized};
     use crate::table::{TableRequest, load, read};
 
-    /// 140 runs of a trainer of one's own; without the smallest sizes of one budget, so that a minimum is in doubt.
+    /// 140 runs of a user's trainer.
     fn points() -> Vec<IsoFlopPoint> {
         let path = "crates/laws/tests/fixtures/own_trainer.csv";
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
@@ -136,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_minimum_in_doubt_is_named_with_its_flag() {
+    fn a_flagged_minimum_is_named_with_its_flag() {
         let mut points = points();
         let largest = points.iter().map(|p| p.budget_flops).fold(0.0, f64::max);
         let of_largest = points.iter().filter(|p| p.budget_flops == largest);
@@ -188,7 +187,7 @@ mod tests {
     fn the_laws_together_are_told_beyond_the_fit() {
         let laws = committed("many-patches");
         let text = said(&[at(&laws, 1e14)], true).replace('\n', " ");
-        assert!(text.contains("- The laws together, weighed by"), "{text}");
+        assert!(text.contains("- The weighted mean of all laws (weights"), "{text}");
         fits(&said(&[at(&laws, 1e13), at(&laws, 1e14)], false));
     }
 

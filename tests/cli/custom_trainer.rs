@@ -1,4 +1,4 @@
-//! Runs that a program of somebody's own trains: results, failures, stops, and no process left.
+//! Runs that a user's program trains: results, failures, stops, and no process left.
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -238,6 +238,16 @@ echo '{"loss_nats": 1, "loss_normalised": 1}' > "$2""#,
     let bytes: usize = left_out.split(' ').next().unwrap().parse().unwrap();
     let all = bytes + log.len();
     assert!(all.abs_diff(60_000_026) < 1_000_000, "{all} bytes");
+}
+
+#[test]
+fn a_trainer_that_takes_its_checkpoints_away_is_done() {
+    let script = r#"rm -r "$3"; echo '{"loss_nats": 1, "loss_normalised": 1}' > "$2""#;
+    let place = Place::trained_by(script);
+    place.isoflop(&["run", "own.yaml"]).exits(0).does_not_say("warning: the run is done");
+    let folder = run_folder(&place);
+    assert!(!place.path(&format!("{folder}/failure.json")).exists());
+    place.isoflop(&["run", "own.yaml"]).exits(0).says("nothing to train");
 }
 
 #[test]

@@ -16,7 +16,7 @@ fn motion(seed: u64, n: usize) -> Vec<Pose> {
     long.next().expect("a long motion comes")[..n].to_vec()
 }
 
-/// Twelve captures of six names at 20 frames a second.
+/// Twelve captures of six names at 20 frames per second.
 fn captures(place: &Place) {
     std::fs::create_dir(place.path("captures")).expect("a writable directory");
     for (i, name) in ["walk", "run", "bow", "jump", "turn", "kick"].iter().enumerate() {

@@ -63,7 +63,7 @@ fn the_first_failure_stops_the_rest_where_that_is_asked_for() {
     let place = Place::with("mini.yaml");
     let args = ["run", "mini.yaml", "--fail-fast", "--jobs", "1", "--set", "train.lr.max=1e9"];
     let lr = ["--set", "train.lr.coefficient=1e6"];
-    place.isoflop(&with(&args, &lr)).exits(1).says("stopped by the failure of another");
+    place.isoflop(&with(&args, &lr)).exits(1).says("the failure of another job stopped it");
     let failures = place
         .names("results/mini/runs")
         .into_iter()

@@ -278,7 +278,7 @@ fn a_law_of_repeated_data_is_asked_of_more_data() {
     let asked = place.isoflop(&["predict", "3.2e11", "--law", "of-minima.json", "--json"]).exits(0);
     let told = asked.json()[0]["warnings"].to_string();
     assert!(told.contains("passes over the data (fit: "), "{told}");
-    assert!(told.contains("the joint law knows them: "), "{told}");
+    assert!(told.contains("the joint law, which models repeats, predicts "), "{told}");
     place.isoflop(&["predict", "3.2e11", "--law", &shares, "--unique-tokens", "1e6"]).exits(0);
     let fresh = results("procedural-law");
     let asked = ["predict", "3e12", "--law", &fresh, "--unique-tokens", "1e6"];

@@ -30,7 +30,7 @@ fn a_command_line_that_cannot_be_read_is_a_document_too() {
     assert!(message.starts_with("invalid value 'many'") && message.contains("--jobs"), "{message}");
     assert!(ended.stderr().contains("invalid value 'many'"));
     let help = place.isoflop(&["run", "--help", "--json"]).exits(0).stdout();
-    assert!(help.starts_with("Run what is missing"), "{help}");
+    assert!(help.starts_with("Run the missing jobs"), "{help}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use isoflop::data::write_npy;
 use serde_json::Value;
 
 use super::support::{Place, lawful};
@@ -127,6 +128,41 @@ fn every_generators_slider_moves_in_a_browser() {
     let configurations = shown.split("<tbody class=\"configuration\">").skip(1);
     let filled = configurations.filter(|rest| rest.starts_with("<tr><th scope=\"row\">"));
     assert_eq!(filled.count(), GENERATORS.len());
+}
+
+#[test]
+fn what_is_planted_in_a_folder_does_not_run_and_a_diverged_motion_is_told() {
+    let (place, _) = reported();
+    let title = "document.title = 'planted'";
+    let svg = |within: &str| format!("<svg xmlns=\"http://www.w3.org/2000/svg\">{within}</svg>");
+    let script = svg(&format!("<script>{title}</script>"));
+    place.write("results/lawful/figures/script.svg", script);
+    let load = svg("<circle r=\"1\"/>").replace("<svg", &format!("<svg onload=\"{title}\""));
+    place.write("results/lawful/figures/load.svg", load);
+    let run = place.names("results/lawful/runs").remove(0);
+    let caption = format!("</script><img src=x onerror=\"{title}\">");
+    let made = |caption: &str| serde_json::json!({"caption": caption, "fps": 20.0});
+    let listed = serde_json::json!([made("far"), made(&caption)]).to_string();
+    let samples = place.path(&format!("results/lawful/samples/{run}"));
+    std::fs::create_dir_all(&samples).expect("a writable directory");
+    std::fs::write(samples.join("motions.json"), listed).expect("a writable directory");
+    for (n, place) in [1e38, 0.5].into_iter().enumerate() {
+        let path = samples.join(format!("{n}.features.npy"));
+        write_npy(&path, &[60, 263], &[place; 60 * 263]).expect("a writable directory");
+    }
+    let ended = place.isoflop(&["report", "results/lawful"]).exits(0);
+    let ended = ended.says("script.svg is left out").says("it holds `<script`");
+    ended.says("load.svg is left out").says("it holds `onload=");
+    let page = String::from_utf8(place.read("results/lawful/report.html")).expect("text");
+    assert!(page.contains("of &quot;far&quot; is not shown: in frame 0 a joint"), "it is told");
+    assert!(!page.contains("<img") && page.contains("&lt;img src=x"), "a word of the caption");
+    let Some((shown, log)) = browsed(&place.path("results/lawful/report.html"), "") else {
+        eprintln!("skipped: there is no Chromium");
+        return;
+    };
+    assert!(!log.contains("CONSOLE"), "{log}");
+    assert!(shown.contains("<title>lawful · isoflop</title>"), "nothing planted ran");
+    assert_eq!(between(&shown, "<code id=\"maker\">", "<"), run, "the viewer plays");
 }
 
 #[test]

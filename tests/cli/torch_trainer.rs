@@ -22,7 +22,7 @@ const AT_THE_END: f64 = 1e-4;
 /// A rate and a number of passes at which rounding does not grow until it shows.
 const CALM: [&str; 4] = ["train.lr=1e-3", "train.evaluations=2000", "data.clips=256", "seeds=[3]"];
 
-/// A place with a sweep, or `None` where Python has no torch.
+/// A place with a sweep, or `None` if Python has no torch.
 fn place_with(sweep: &str) -> Option<Place> {
     torch::python().map(|_| Place::with(sweep))
 }

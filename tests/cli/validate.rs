@@ -28,7 +28,7 @@ fn a_forecast_is_tested_by_a_cross_of_cells_and_kept_in_the_laws() {
     place.isoflop(&["run", sweep, "--jobs", "4"]).exits(0);
     let words = ["validate", results, "--budget", "1e12"];
     let told = place.isoflop(&words).exits(0).stdout();
-    for part in ["cross-entropy of the best cell: ", "by parabolas between the cells"] {
+    for part in ["cross-entropy of the best cell: ", "measured by parabolas through the cells"] {
         assert!(told.contains(part), "{told}");
     }
     let file = format!("{results}/validations/1e12/validation.json");

@@ -111,7 +111,7 @@ impl Tree {
         edges
     }
 
-    /// A path from the root on; `None` where it leads out of the crate or begins at an item.
+    /// A path from the root on; `None` if it leads out of the crate or begins at an item.
     fn absolute(&self, file: usize, path: &[String]) -> Option<Vec<String>> {
         let File { module, said, .. } = &self.files[file];
         let (first, rest) = path.split_first()?;
@@ -144,7 +144,7 @@ impl Tree {
         found.or(self.of_module.get(module).copied())
     }
 
-    /// The file that defines `name` of a module; `None` where the module has no such name.
+    /// The file that defines `name` of a module; `None` if the module has no such name.
     fn binds(&self, module: &[String], name: &str, steps: usize) -> Option<usize> {
         let steps = steps.checked_sub(1)?;
         let file = *self.of_module.get(module)?;

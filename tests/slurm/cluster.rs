@@ -24,7 +24,7 @@ pub struct Cluster(
     #[expect(dead_code, reason = "held until it is dropped")] MutexGuard<'static, ()>,
 );
 
-/// The cluster, healthy; `None` where there is none, which is said.
+/// The cluster, healthy; `None` if there is none, which is said.
 pub fn cluster() -> Option<Cluster> {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     if std::env::var_os("SLURM_DEV_DIR").is_none() {
@@ -209,7 +209,7 @@ impl OnSlurm {
     }
 }
 
-/// Tasks that may still do something; `None` where Slurm gave no answer.
+/// Tasks that may still do something; `None` if Slurm gave no answer.
 pub fn active(state: &Value) -> Option<u64> {
     let queue = &state["slurm"];
     let of = |name: &str| queue[name].as_u64();

@@ -8,7 +8,7 @@ use super::cluster::{OnSlurm, active, cluster};
 use super::support::processes::kill_9;
 use super::support::records;
 
-/// Some seconds a run, and a checkpoint ten times a second.
+/// Some seconds a run, and a checkpoint ten times per second.
 const LONGER: [&str; 2] = ["grid.budgets=[8e9, 1.6e10]", "grid.vocab=[16]"];
 
 fn assert_undisturbed(sweep: &OnSlurm) {
@@ -52,7 +52,7 @@ fn a_cancelled_sweep_goes_on_where_it_stopped() {
     sweep.submit().exits(0);
     sweep.at_work();
     let ended = sweep.place.isoflop(&["cancel", "results/mini"]).exits(0);
-    assert!(ended.stdout().starts_with("ended; what is finished stays"), "{}", ended.stdout());
+    assert!(ended.stdout().starts_with("ended; finished jobs are kept"), "{}", ended.stdout());
     let state = sweep.status();
     assert_eq!(active(&state), Some(0));
     assert!(state["runs"]["done"].as_u64() < Some(4));

@@ -7,7 +7,7 @@ use std::process::Command;
 pub struct Mounted(PathBuf);
 
 impl Mounted {
-    /// A file system in memory that holds this many KiB; `None` where mounting is not permitted,
+    /// A file system in memory that holds this many KiB; `None` if mounting is not permitted,
     /// which is said aloud.
     pub fn small(place: &Path, kib: usize) -> Option<Self> {
         std::fs::create_dir_all(place).expect("a writable directory");

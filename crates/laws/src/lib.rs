@@ -1,10 +1,10 @@
-//! Scaling laws of runs: free of burn, of files of a sweep and of the command line.
+//! Scaling laws of runs, without burn, files of a sweep or the command line.
 //!
 //! `IsoFlopPoint → Minimum → Law → Prediction`
 //!
-//! The table has the form of that of the program; `tests/floors.rs` reads both.
+//! The table has the same form as the program's; `tests/floors.rs` reads both.
 //!
-//! | floor | module | what it is for | beside it |
+//! | floor | module | content | also imports |
 //! | --- | --- | --- | --- |
 //! | 1 | [`laws`] | points into minima, power laws and loss laws | |
 //! | 2 | [`predict`] | laws and a budget into a configuration | |

@@ -1,4 +1,4 @@
-//! What a fit answers of tables that tell little, or whose truth or paper is known.
+//! Answers of fits to weak tables, and to tables with a known truth or paper.
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ fn points(path: &Path, columns: &str, filter: Option<String>) -> Vec<IsoFlopPoin
     load(&read(path).unwrap(), &request).unwrap().points
 }
 
-/// 140 runs of a trainer of one's own: `fixtures/own_trainer.py` has their truth.
+/// 140 runs of a user's trainer: `fixtures/own_trainer.py` has their truth.
 fn own_trainer() -> Vec<IsoFlopPoint> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/own_trainer.csv");
     points(&path, "budget_flops=budget,n_vocab=vocab", None)
@@ -86,7 +86,7 @@ fn one_vocabulary_leaves_its_exponent_untold_and_the_others_told() {
     assert!(own.params_nonvocab.unwrap().value.is_some());
 }
 
-/// Nats, bits, bits a byte, thousandths: the table of a trainer of one's own with its loss under another name.
+/// Nats, bits, bits a byte, thousandths: the table of a user's trainer with its loss under another name.
 #[test]
 fn the_unit_of_a_loss_moves_no_interval() {
     let said = |unit: f64, offset: f64| {

@@ -1,4 +1,4 @@
-//! Random numbers on the host: streams of a seed, and what is drawn from them.
+//! Random numbers on the host: streams of a seed, and draws from them.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -15,12 +15,12 @@ pub fn unit(rng: &mut ChaCha8Rng) -> f64 {
     (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Uniform in 0..n; the bias of at most n / 2^64 is far below what any run could show.
+/// Uniform in 0..n; the bias of at most n / 2^64 is negligible.
 pub fn below(rng: &mut ChaCha8Rng, n: usize) -> usize {
     ((u128::from(rng.next_u64()) * n as u128) >> 64) as usize
 }
 
-/// `k` of the numbers below `n`, each once, in the order drawn; all of them where there are fewer.
+/// `k` distinct numbers below `n`, in the order drawn; all of them if there are fewer.
 pub fn distinct(n: usize, k: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
     let mut numbers: Vec<usize> = (0..n).collect();
     let k = k.min(n);

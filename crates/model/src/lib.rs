@@ -1,19 +1,19 @@
-//! Tokenizers, generators and evaluators of motion on burn: their operations, their training, their weights.
-//! Without the feature `train` there is no burn, and what was measured of them alone: codes and scores.
+//! Tokenizers, generators and evaluators of motion on burn: operations, training, weights. Without the feature `train`
+//! there is no burn, and only codes and scores remain.
 //!
-//! The table has the form of that of the program; `tests/floors.rs` reads both.
+//! The table has the same form as the program's; `tests/floors.rs` reads both.
 //!
-//! | floor | module | what it is for | beside it |
+//! | floor | module | content | also imports |
 //! | --- | --- | --- | --- |
 //! | 1 | [`draws`] | random numbers on the host | |
 //! | 1 | [`codes`] | the codes of a data set, between a tokenizer and a generator | |
 //! | 1 | [`text`] | captions into frozen embeddings | |
-//! | 2 | [`scores`] | embeddings of motions, and joints, into FID, R-precision and their kin | |
+//! | 2 | [`scores`] | FID, R-precision and similar scores from embeddings and joints | |
 //! | 2 | [`ops`] | the operations of the models, with their gradients | |
-//! | 2 | [`learn`] | optimiser, weights, checkpoints: one loop for whatever learns | ops |
+//! | 2 | [`learn`] | the training loop: optimiser, weights, checkpoints | ops |
 //! | 3 | [`tokenizer`] | clips into codes | generator |
 //! | 3 | [`generator`] | codes and text into a trained model and its loss, and text into codes | |
-//! | 4 | [`evaluator`] | motions and captions into embeddings, and what these are worth | |
+//! | 4 | [`evaluator`] | embeddings of motions and captions, with gates | |
 
 #![cfg_attr(
     not(test),

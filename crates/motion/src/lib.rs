@@ -1,12 +1,11 @@
-//! Human motion with captions: files, features, other people's skeletons, and a source that is made up. Free of
-//! burn.
+//! Human motion with captions: files, features, other skeletons, and a procedural source. Without burn.
 //!
-//! The table has the form of that of the program; `tests/floors.rs` reads both.
+//! The table has the same form as the program's; `tests/floors.rs` reads both.
 //!
-//! | floor | module | what it is for | beside it |
+//! | floor | module | content | also imports |
 //! | --- | --- | --- | --- |
 //! | 1 | [`motion`] | joints into features and back, into BVH, from other skeletons; the procedural source | |
-//! | 2 | [`data`] | a folder or the generator into clips with captions; other files into such a folder | |
+//! | 2 | [`data`] | clips with captions from a folder or the procedural source; imports of other files | |
 
 #![cfg_attr(
     not(test),

@@ -5,7 +5,7 @@
 //! ```
 //! use isoflop_spec::failure::FailureKind;
 //!
-//! // What a person can do about it, where that is known.
+//! // What a person can do about it, if known.
 //! assert!(FailureKind::DiskFull.advice().is_some());
 //! ```
 
@@ -13,13 +13,13 @@ use std::io;
 
 use serde::{Deserialize, Serialize};
 
-/// What went wrong, in a word that scripts can tell apart.
+/// The kind of a failure, as a word for scripts.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]
 #[serde(rename_all = "kebab-case")]
 pub enum FailureKind {
-    /// The loss is no number any more, or far above that of knowing nothing.
+    /// The loss is not a number, or far above that of a uniform guess.
     Diverged,
     /// The data cannot be used as the sweep asks.
     BadData,
@@ -29,15 +29,17 @@ pub enum FailureKind {
     ReadOnly,
     /// The sweep's folder was removed or renamed.
     FolderGone,
-    /// A file is not what was written there, and could not be made again.
+    /// A file is damaged and could not be remade.
     Damaged,
+    /// Another program changed files of the sweep while a job used them.
+    FilesChanged,
     /// No progress for longer than `train.hang_s`.
     Hung,
     /// Somebody, or the system, ended the process.
     Killed,
     /// The process asked for more memory than there was.
     OutOfMemory,
-    /// The process died of a fault of its own.
+    /// The process crashed.
     Crashed,
     /// The program of a sweep's `trainer` failed.
     Trainer,
@@ -46,19 +48,19 @@ pub enum FailureKind {
     Other,
 }
 
-/// What follows from a failure.
+/// The consequence of a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Consequence {
-    /// It would end so again.
+    /// A retry would fail in the same way.
     Final,
-    /// It may go well another time.
+    /// A retry may succeed.
     MayPass,
     /// Every other job would end so too.
     StopsAll,
 }
 
 impl FailureKind {
-    /// The word in files, what follows, and what to do about it where the sentence alone does not say.
+    /// The word in files, the consequence, and advice if the message alone has none.
     const fn facts(self) -> (&'static str, Consequence, Option<&'static str>) {
         use Consequence::{Final, MayPass, StopsAll};
         match self {
@@ -75,6 +77,9 @@ impl FailureKind {
                 ("folder-gone", StopsAll, Some("give the folder its place and name again"))
             }
             Self::Damaged => ("damaged", Final, None),
+            Self::FilesChanged => {
+                ("files-changed", MayPass, Some("let no other program write into the folder"))
+            }
             Self::Hung => ("hung", MayPass, Some("raise train.hang_s where it only was slow")),
             Self::Killed => ("killed", MayPass, None),
             Self::OutOfMemory => {
@@ -91,17 +96,17 @@ impl FailureKind {
         self.facts().1
     }
 
-    /// The word as it stands in `failure.json`.
+    /// The word in `failure.json`.
     pub fn word(self) -> &'static str {
         self.facts().0
     }
 
-    /// What to do about it, if the sentence alone does not say.
+    /// Advice, if the message alone has none.
     pub fn advice(self) -> Option<&'static str> {
         self.facts().2
     }
 
-    /// What the system's refusal means; `None` where it is none of those that are told apart.
+    /// The kind of a system error; `None` for other errors.
     pub fn of_io(error: &io::Error) -> Option<Self> {
         match error.raw_os_error()? {
             // EFBIG, ENOSPC, EDQUOT.

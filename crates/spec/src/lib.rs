@@ -1,16 +1,16 @@
-//! What is trained, as plain data that is hashed, and what every crate above needs of the machine: files,
-//! signals, memory. Free of burn.
+//! Specifications of training as plain, hashed data, and access to the machine for all crates above: files, signals,
+//! memory. Without burn.
 //!
-//! The table has the form of that of the program; `tests/floors.rs` reads both.
+//! The table has the same form as the program's; `tests/floors.rs` reads both.
 //!
-//! | floor | module | what it is for | beside it |
+//! | floor | module | content | also imports |
 //! | --- | --- | --- | --- |
-//! | 1 | [`units`] | numbers and amounts of memory as people write them | |
-//! | 1 | [`failure`] | what can go wrong with a job, as a type | |
-//! | 1 | [`machine`] | memory of this machine, and kills for the lack of it; GPUs by name | |
-//! | 1 | [`files`] | files written whole, mapped, or set aside | failure |
-//! | 1 | [`progress`] | steps, pieces of work, requests to stop | failure, files |
-//! | 2 | [`spec`] | closed descriptions of what is trained and on what, with its FLOPs and its id | |
+//! | 1 | [`units`] | numbers, their ranges and amounts of memory as users write them | |
+//! | 1 | [`failure`] | kinds of failures of a job | |
+//! | 1 | [`machine`] | memory of this machine, and out-of-memory kills; GPUs by name | |
+//! | 1 | [`files`] | files written atomically, mapped, or set aside | failure |
+//! | 1 | [`progress`] | progress of work, requests to stop | failure, files |
+//! | 2 | [`spec`] | closed descriptions of models and data, with FLOPs and ids | |
 
 #![cfg_attr(
     not(test),

@@ -1,4 +1,4 @@
-//! What this machine and this process have of memory; GPUs by name.
+//! Memory of this machine and this process; GPUs by name.
 //!
 //! # Example
 //!
@@ -18,7 +18,7 @@ use mimalloc::MiMalloc;
 use nix::libc;
 use nix::sys::signal::{SigHandler, Signal, signal};
 
-// [`Allocator`]: mimalloc, and an exit code of its own for a process that dies of a refusal.
+// [`Allocator`]: mimalloc, with a distinct exit code for a process that aborts on a refused allocation.
 
 /// mimalloc, which notes that the system refused memory.
 pub struct Allocator;
@@ -58,10 +58,9 @@ fn noted(pointer: *mut u8) -> *mut u8 {
     pointer
 }
 
-/// From here on, a process that aborts after a refusal exits with `code`; its parent then knows why.
+/// Makes the process exit with `code` if it aborts after a refused allocation, so its parent knows why.
 ///
-/// Rust's runtime says how many bytes were refused, and aborts: a signal, which a fault of the
-/// program gives too.
+/// Rust's runtime prints the number of bytes and aborts with a signal, like a crash.
 pub fn exit_when_refused(code: i32) {
     EXIT_CODE.store(code, Ordering::Relaxed);
     // SAFETY: the handler reads atomics and calls `_exit`; both are safe in a signal handler.
@@ -80,6 +79,24 @@ extern "C" fn on_abort(_: libc::c_int) {
     }
 }
 
+// A file that is mapped, and cut short by another program: to read beyond its new end is a bus error.
+
+const CUT: &str = "error: a file that is mapped into memory was cut short while it was read\n";
+
+/// From here on, a process that dies of a bus error says why first.
+pub fn tell_of_cut_files() {
+    // SAFETY: the handler calls `write` and `signal`; both are safe in a signal handler.
+    let _ = unsafe { signal(Signal::SIGBUS, SigHandler::Handler(on_bus_error)) };
+}
+
+extern "C" fn on_bus_error(_: libc::c_int) {
+    // SAFETY: both are safe in a signal handler; the fault comes again when the handler returns, and ends the process.
+    unsafe {
+        libc::write(libc::STDERR_FILENO, CUT.as_ptr().cast(), CUT.len());
+        libc::signal(libc::SIGBUS, libc::SIG_DFL);
+    }
+}
+
 // [`Kills`]: how many processes the system has killed because it was out of memory.
 
 /// Counts of kills for memory: of the machine, and of each control group that this process is in.
@@ -87,7 +104,7 @@ extern "C" fn on_abort(_: libc::c_int) {
 pub struct Kills(Vec<(PathBuf, u64)>);
 
 impl Kills {
-    /// The counts now; nothing where the system shows none.
+    /// The counts now; nothing if the system shows none.
     pub fn so_far() -> Self {
         let events = ["memory.events", "memory.oom_control"];
         let groups = own_groups(Path::new("/"));
@@ -108,10 +125,10 @@ fn kills(path: &Path) -> Option<u64> {
     text.lines().find_map(|line| line.strip_prefix("oom_kill ")?.trim().parse().ok())
 }
 
-// How much memory jobs may have together: what the machine and its control groups leave.
+// Memory available to all jobs: limited by the machine and its control groups.
 
-/// Bytes that new processes can have: what the kernel calls available, or less where a control
-/// group of this process has a limit. `None` where the system does not tell.
+/// Bytes available to new processes: the kernel's estimate, or less under the limit of a control group. `None` if
+/// unknown.
 pub fn available() -> Option<u64> {
     available_under(Path::new("/"))
 }
@@ -131,9 +148,9 @@ fn kibibytes(text: &str, name: &str) -> Option<u64> {
     Some(1024 * line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()?)
 }
 
-/// The control groups for memory that this process is in, the innermost first, of both versions.
+/// The memory control groups of this process, the innermost first, of both versions.
 ///
-/// A container may see its own group as the root of the tree, under another path than it is told.
+/// A container may see its group as the root of the tree, under another path than reported.
 pub fn own_groups(root: &Path) -> Vec<PathBuf> {
     let told = fs::read_to_string(root.join("proc/self/cgroup")).unwrap_or_default();
     let tree = root.join("sys/fs/cgroup");
@@ -155,7 +172,7 @@ pub fn own_groups(root: &Path) -> Vec<PathBuf> {
     groups
 }
 
-/// What a group's limit leaves; files that are only cached are given up when memory is short.
+/// Bytes left under a group's limit; cached files count as free.
 fn left_in(group: &Path) -> Option<u64> {
     let number = |name: &str| fs::read_to_string(group.join(name)).ok()?.trim().parse().ok();
     let [limit, used] =
@@ -170,12 +187,11 @@ fn left_in(group: &Path) -> Option<u64> {
     Some(u64::saturating_sub(limit, u64::saturating_sub(used, cached.unwrap_or(0))))
 }
 
-// How much memory a worker took.
+// Memory used by a worker.
 
-/// The most memory that this process had to itself, in bytes; 0 where the system does not tell.
+/// Peak private memory of this process, in bytes; 0 if unknown.
 ///
-/// Files that it maps are left out: the processes beside it share them, and the kernel drops their
-/// pages when memory is short.
+/// Mapped files are left out: other processes share them, and the kernel drops their pages when memory is short.
 #[cfg(target_os = "linux")]
 pub fn peak_bytes() -> u64 {
     own_peak(&fs::read_to_string("/proc/self/status").unwrap_or_default())
@@ -187,9 +203,8 @@ pub fn peak_bytes() -> u64 {
     0
 }
 
-/// From the kernel's high-water mark, which counts mapped files too: those are at their most at the
-/// end. (`getrusage` would give the scheduler's mark where that is larger, since it outlives the start
-/// of another program.)
+/// From the kernel's high-water mark minus mapped files, whose size is largest at the end. (`getrusage` would give
+/// the scheduler's mark if that is larger, since it survives the start of another program.)
 #[cfg(target_os = "linux")]
 fn own_peak(status: &str) -> u64 {
     let bytes = |name: &str| kibibytes(status, name).unwrap_or(0);
@@ -215,7 +230,7 @@ pub struct Card {
 }
 
 impl Card {
-    /// Whether a device of this name is such a card; the memory of an A100 is not told apart.
+    /// Whether a device of this name is this card, whatever the memory of an A100.
     pub fn is_named(&self, device: &str) -> bool {
         device.split(|c: char| !c.is_ascii_alphanumeric()).any(|word| word == self.word)
     }

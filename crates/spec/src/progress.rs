@@ -1,4 +1,4 @@
-//! What work tells of itself while it goes on, and how it is asked to stop.
+//! Progress of running work, and requests to stop.
 //!
 //! # Example
 //!
@@ -22,25 +22,25 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-// What work tells of itself while it goes on: how a scheduler tells slow work from work that hangs.
+// Progress of running work, by which a scheduler distinguishes slow work from hanging work.
 //
-// Training tells of its steps ([`Progress`]). What has no steps (reading, tokenising, embedding, measuring) counts
-// each piece that it is done with, so that [their number](pieces) stands still when the work does.
+// Training reports its steps ([`Progress`]). Work without steps (reading, tokenising, embedding, measuring) counts
+// finished pieces, so [their number](pieces) stops changing when the work hangs.
 
 /// A training step just done.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
     /// Counted from 1.
     pub step: usize,
-    /// Of how many.
+    /// The total number of steps.
     pub steps: usize,
     /// Before the update.
     pub loss: f64,
-    /// What the step took, without measuring the model and writing it down.
+    /// Time of the step, without evaluation and checkpoint.
     pub seconds: f64,
 }
 
-/// Is told of each step; may ask for a stop.
+/// Called after each step; may ask for a stop.
 pub type Progress<'a> = dyn FnMut(Step) -> ControlFlow<()> + 'a;
 
 static MOVED: AtomicU64 = AtomicU64::new(0);
@@ -57,7 +57,7 @@ pub fn pieces() -> u64 {
 
 // [`Beat`]: how far a worker is, on its standard output and in its folder.
 
-/// What a worker prints, a line each: how far it is.
+/// A progress line of a worker.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Beat {
     pub step: usize,
@@ -66,7 +66,7 @@ pub struct Beat {
     /// Seconds that this process has spent in steps.
     #[serde(default)]
     pub train_s: f64,
-    /// As a user's trainer tells it.
+    /// As reported by a user's trainer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tokens_per_s: Option<f64>,
 }
@@ -85,17 +85,17 @@ pub enum Said {
 }
 
 impl Said {
-    /// Prints it; whether anybody still listens is no concern of the work.
+    /// Prints it; a closed pipe is ignored.
     pub fn say(&self) {
         let line = serde_json::to_string(self).expect("plain values");
         let _ = writeln!(std::io::stdout(), "{line}");
     }
 }
 
-/// How often a worker tells of work that has no steps, at most.
+/// Least time between reports of work without steps.
 const TELL: Duration = Duration::from_millis(200);
 
-/// Tells of pieces of work that are done, as they are: where none is, nothing is said.
+/// Reports finished pieces of work, if there are new ones.
 pub fn tell_of_pieces() {
     std::thread::spawn(|| {
         let mut told = 0;
@@ -110,10 +110,10 @@ pub fn tell_of_pieces() {
     });
 }
 
-/// Where a worker notes how far it is, for those who do not read its pipe.
+/// The file in which a worker notes its progress, for readers without its pipe.
 const PROGRESS: &str = ".progress.json";
 
-/// How often it does.
+/// Time between notes.
 const NOTE: Duration = Duration::from_millis(500);
 
 /// Notes how far a worker is in its folder: whole, by rename, but not flushed to disk, since the
@@ -127,7 +127,7 @@ pub fn note_progress(place: &Path, beat: &Beat) {
     }
 }
 
-/// What [`note_progress`] wrote last.
+/// The last note of [`note_progress`].
 pub fn progress(place: &Path) -> Option<Beat> {
     read_if_there(&place.join(PROGRESS)).ok().flatten()
 }
@@ -176,7 +176,7 @@ impl Stop {
         self.0.store(true, Ordering::SeqCst);
     }
 
-    /// Whether somebody asked.
+    /// Whether a stop was requested.
     pub fn is_raised(&self) -> bool {
         self.0.load(Ordering::SeqCst)
     }

@@ -1,4 +1,4 @@
-//! `isoflop data check`: every file of a data set, and all that is wrong.
+//! `isoflop data check`: checks every file of a data set and reports all problems.
 
 use crate::commands::prelude::*;
 use isoflop::data::{self, Split, check_folder};
@@ -10,7 +10,7 @@ pub struct CheckArgs {
     data: PathBuf,
 }
 
-/// Sentences of a kind that are told, at most.
+/// Most sentences of a kind that are shown.
 const TOLD: usize = 20;
 
 pub fn check(args: &CheckArgs, output: &Output) -> Result<Exit> {
@@ -35,10 +35,10 @@ pub fn check(args: &CheckArgs, output: &Output) -> Result<Exit> {
     Ok(if found.problems.is_empty() { Exit::Done } else { Exit::SomeRunsFailed })
 }
 
-/// Frames of a code, as most tokenizers have them.
+/// Frames per code of most tokenizers.
 const FRAMES_PER_CODE: f64 = 4.0;
 
-/// On a test split that is too small to measure a loss; nothing of a folder that cannot be opened.
+/// A warning if the test split is too small to measure a loss; none if the folder cannot be opened.
 fn small_test(path: &Path) -> Option<String> {
     let path = Some(path.to_path_buf());
     let section = DataSection { source: DataSource::HumanMl3d, path, ..DataSection::default() };
@@ -51,21 +51,20 @@ fn small_test(path: &Path) -> Option<String> {
 }
 
 /// Standard error of the mean loss times the square root of the number of codes, in nats: 3.3 to 4.4 on 512 clips of
-/// procedural motion, whose codes go together within a clip.
+/// procedural motion, whose codes are correlated within a clip.
 const ERROR_OF_A_CODE: f64 = 3.5;
 
-/// Standard deviation of the mean loss of what was recorded together, in nats: 3.3 over nine performers of CMU's
+/// Standard deviation of the mean loss over groups recorded together, in nats: 3.3 over nine performers of CMU's
 /// motion, 2.4 over 27 sessions of Bandai's.
 const ERROR_OF_A_GROUP: f64 = 3.0;
 
-/// Groups below which that is worth a word.
+/// Fewer groups than this get a warning.
 const FEWEST_GROUPS: usize = 36;
 
-/// Codes of the test split below which its mean loss is too rough to tell sizes apart.
+/// Fewer codes of the test split than this measure a loss too roughly to compare sizes.
 const FEWEST_CODES: f64 = 2000.0;
 
-/// What is wrong with a test split of so many codes in clips of so many groups that were recorded together, and
-/// what to change; `None` if it measures a loss.
+/// The problem and the remedy of a test split with these codes, clips and groups; `None` if it is large enough.
 pub fn too_few(codes: f64, clips: usize, groups: usize) -> Option<[String; 2]> {
     let error = |codes: f64| ERROR_OF_A_CODE / codes.sqrt();
     if groups < clips.min(FEWEST_GROUPS) {

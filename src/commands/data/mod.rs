@@ -1,4 +1,4 @@
-//! `isoflop data`: data sets made, checked and counted.
+//! `isoflop data`: makes, checks and counts data sets.
 
 mod check;
 
@@ -28,9 +28,9 @@ pub struct DataArgs {
 
 #[derive(Subcommand)]
 enum What {
-    /// Make a data set of BVH files or joints: retarget, resample, cut, caption, split
+    /// Make a data set from BVH files or joints: retarget, resample, cut, caption, split
     Import(ImportArgs),
-    /// Look at every file of a data set and tell all that is wrong
+    /// Check every file of a data set and report all problems
     Check(check::CheckArgs),
     /// Count a data set: clips, hours, tokens, captions, words
     Stats(StatsArgs),
@@ -63,10 +63,10 @@ struct SynthArgs {
     /// Clips to test on
     #[arg(long, default_value_t = 128)]
     test_clips: usize,
-    /// Another seed gives other clips throughout
+    /// Seed of the generated clips
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Replace a data set that was made so
+    /// Replace a data set made by this command
     #[arg(long)]
     overwrite: bool,
 }
@@ -87,7 +87,7 @@ fn synth(args: &SynthArgs, output: &Output) -> Result<Exit> {
     output.result(&json!({ "data": args.out, "train": train, "val": val, "test": test }), &text)
 }
 
-// `isoflop data stats`: a data set in numbers.
+// `isoflop data stats`: counts a data set.
 
 #[derive(Args)]
 struct StatsArgs {
@@ -147,44 +147,44 @@ fn bars(text: &mut String, bins: &BTreeMap<usize, usize>, width: usize) {
     *text += &table(["<", "", "<"], bins.iter().map(row));
 }
 
-// `isoflop data import`: motion of other layouts and skeletons as a data set.
+// `isoflop data import`: makes a data set from motion in other layouts and skeletons.
 
 #[derive(Args)]
 struct ImportArgs {
-    /// The folder of motions; those in folders below it are read too
+    /// The folder of motions, read with its subfolders
     #[arg(value_name = "DIR")]
     from: PathBuf,
-    /// What the files hold
+    /// The format of the files
     #[arg(long = "from", value_name = "FORM", value_parser = one_of(FORMS))]
     form: Form,
     /// The data set to write
     #[arg(long, value_name = "DATA")]
     out: PathBuf,
-    /// Names of joints, a line each, as `left_hip: LeftUpLeg`; a draft is written where one is needed
+    /// File of joint names, one per line, e.g. `left_hip: LeftUpLeg`; a draft is written if needed
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
-    /// The axis that points up: x, y, z, -x, -y or -z; by default that along which bodies stand
+    /// The axis that points up: x, y, z, -x, -y or -z; by default the axis along which bodies stand
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<Up>,
     /// The files' axes are left-handed
     #[arg(long)]
     left_handed: bool,
-    /// Frames a second of .npy files; those of BVH files are in them
+    /// Frames per second of .npy files; BVH files contain theirs
     #[arg(long, value_parser = fps)]
     fps: Option<f64>,
-    /// Frames a second of the data set: a number, or `keep` for those of the files
+    /// Frames per second of the data set: a number, or `keep` for the rate of the files
     #[arg(long, value_parser = rate, default_value = "20")]
     rate: Rate,
-    /// A folder with NAME.txt for each motion; by default that beside it, or words of its name
+    /// A folder with NAME.txt for each motion; by default the .txt next to it, or words of its name
     #[arg(long, value_name = "DIR")]
     texts: Option<PathBuf>,
-    /// The caption of motions that have none
+    /// The caption of motions without one
     #[arg(long, value_name = "TEXT", default_value = "a person moves")]
     caption: String,
-    /// What stays in one split; by default folders, or names up to their last number
+    /// Groups of files that stay in one split; by default by folder, or by name up to its last number
     #[arg(long, value_name = "BY", value_parser = one_of(GROUPS))]
     group: Option<GroupBy>,
-    /// Replace a data set that was imported
+    /// Replace an imported data set
     #[arg(long)]
     overwrite: bool,
 }
@@ -192,13 +192,13 @@ struct ImportArgs {
 const FORMS: [(&str, &str, Form); 4] = [
     ("bvh", "BVH of any human hierarchy", Form::Bvh),
     ("joints", ".npy of T × 22 × 3, HumanML3D's joints", Form::Joints),
-    ("smplx-joints", ".npy of T × J × 3, of which the first 22 are SMPL's body", Form::SmplxJoints),
+    ("smplx-joints", ".npy of T × J × 3, the first 22 joints SMPL's body", Form::SmplxJoints),
     ("kit", "KIT-ML: .npy of T × 21 × 3 or T × 251, or its folder", Form::Kit),
 ];
 
 const GROUPS: [(&str, &str, GroupBy); 4] = [
     ("folder", "Files of one folder", GroupBy::Folder),
-    ("name", "Files whose names differ in their last number alone", GroupBy::Name),
+    ("name", "Files whose names differ only in their last number", GroupBy::Name),
     ("prefix", "Files whose names agree up to the first _", GroupBy::Prefix),
     ("file", "Each file by itself", GroupBy::File),
 ];
@@ -211,7 +211,7 @@ fn fps(text: &str) -> Result<f64, String> {
     number(text, |fps| (1.0..=1000.0).contains(&fps), "a number of frames a second, 1 to 1000")
 }
 
-/// The file in the data set that shows some of its motions.
+/// The contact sheet in the data set.
 const SHEET: &str = "contact.png";
 
 /// Motions on the sheet, at most.
@@ -256,7 +256,7 @@ fn options(args: &ImportArgs) -> Result<ImportOptions> {
     })
 }
 
-/// Problems that are told, at most.
+/// Most problems that are shown.
 const TOLD: usize = 12;
 
 fn tell(imported: &Imported, args: &ImportArgs, output: &Output) {
@@ -273,7 +273,7 @@ fn tell(imported: &Imported, args: &ImportArgs, output: &Output) {
     }
     if imported.uncaptioned > 0 {
         let (n, caption) = (imported.uncaptioned, &args.caption);
-        output.warn(&format!("{n} clips have no caption of their own; theirs is {caption:?}"));
+        output.warn(&format!("{n} clips have no caption; they get {caption:?}"));
     }
 }
 

@@ -1,4 +1,4 @@
-//! [`Doubt`]: something that will be in doubt.
+//! [`Doubt`]: a weakness of a plan.
 
 use crate::commands::prelude::*;
 use crate::commands::sizes::Expected;
@@ -6,20 +6,20 @@ use isoflop::laws::WIDEST_STEP;
 use isoflop::plan::{Plan, PlannedRun};
 use std::collections::BTreeSet;
 
-/// Something that will be in doubt: what, and what to change.
+/// A weakness of a plan, and its remedy.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Doubt {
-    /// The flag that a minimum would have, or the word for a doubt of the study as a whole.
+    /// The flag that a minimum would have, or a word for a doubt about the whole study.
     pub kind: &'static str,
     pub what: String,
     #[serde(rename = "do")]
     pub mend: String,
-    /// Those where it is so; empty if it does not depend on the budget.
+    /// The budgets concerned; empty if the doubt does not depend on the budget.
     pub budgets_flops: Vec<f64>,
 }
 
 impl Doubt {
-    /// A line for a person: `gap: …; …`.
+    /// The doubt in a line: `gap: …; …`.
     pub fn sentence(&self) -> String {
         format!("{}: {}; {}", self.kind, self.what, self.mend)
     }
@@ -36,9 +36,9 @@ pub fn at(budgets: &[f64], all: usize) -> String {
     }
 }
 
-// Sizes that are too few, too far apart or of different depth for a minimum between them.
+// Sizes too few, too far apart or of different depth for a minimum between them.
 
-/// Pairs of sizes that are named, at most.
+/// Most pairs of sizes that are named.
 const SHOWN: usize = 3;
 /// Sizes that a parabola needs.
 const FEWEST: usize = 3;
@@ -81,11 +81,11 @@ fn few(budgets: &[Tried]) -> Option<Doubt> {
     }
     let what =
         format!("fewer than {FEWEST} sizes {}: no minimum", at(&budgets_flops, budgets.len()));
-    let mend = "add models there, or look at what is dropped";
+    let mend = "add models there, or check which cells are dropped";
     Some(Doubt { kind: "few-levels", what, mend: mend.to_string(), budgets_flops })
 }
 
-/// The neighbouring sizes of which something holds, each pair once, and the budgets where it does.
+/// The neighbouring sizes with a property, each pair once, and the budgets where it holds.
 fn pairs(budgets: &[Tried], holds: impl Fn([Size; 2]) -> bool) -> (Vec<[Size; 2]>, Vec<f64>) {
     let (mut pairs, mut budgets_flops) = (Vec::new(), Vec::new());
     for budget in budgets {
@@ -103,7 +103,7 @@ fn pairs(budgets: &[Tried], holds: impl Fn([Size; 2]) -> bool) -> (Vec<[Size; 2]
     (pairs, budgets_flops)
 }
 
-/// The first pairs, and how many there are besides; `None` without any.
+/// The first pairs, and the number of further ones; `None` without any.
 fn named(pairs: &[[Size; 2]], one: impl Fn([Size; 2]) -> String) -> Option<String> {
     let shown: Vec<String> = pairs.iter().take(SHOWN).map(|pair| one(*pair)).collect();
     let more = pairs.len().saturating_sub(SHOWN);
@@ -115,7 +115,7 @@ fn name(size: Size) -> String {
     format!("L{} d{}", size.n_layer, size.d_model)
 }
 
-// [`Tried`]: what a plan tries at a budget.
+// [`Tried`]: the sizes and vocabularies of a plan at a budget.
 
 /// A size of model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,12 +131,12 @@ pub struct Tried {
     pub budget_flops: f64,
     pub sizes: Vec<Size>,
     pub vocab: Vec<usize>,
-    /// Whether the laws that are known say something of such runs: of codes of one codebook that this program
-    /// makes of motion, one after another.
+    /// Whether the known laws apply to these runs: this program's tokenizer with one codebook, and autoregressive
+    /// generation.
     pub has_law: bool,
 }
 
-/// Those of each generator, by budget.
+/// The budgets of each generator.
 pub fn tried(plan: &Plan) -> Vec<Vec<Tried>> {
     let mut runs: BTreeMap<&str, BTreeMap<u64, Vec<&PlannedRun>>> = BTreeMap::new();
     for run in &plan.runs {
@@ -172,15 +172,15 @@ fn at_budget(budget_flops: f64, runs: &[&PlannedRun], plan: &Plan) -> Tried {
     }
 }
 
-// Budgets whose expected optimum lies outside what is tried.
+// Budgets whose expected optimum lies outside the range tried.
 
-/// What is tried in sizes, or in vocabularies: the flag of a minimum at an end of it, noun, symbol, and what to change,
-/// with `{}` for smaller or larger.
+/// An axis of the grid: the flag of a minimum at its end, noun, symbol, and remedy, with `{}` for smaller or
+/// larger.
 const SIZES: [&str; 4] = ["not-bracketed", "size", "N_nv", "add {} models there"];
 const VOCABULARIES: [&str; 4] =
     ["edge-vocab", "vocabulary", "V", "add {} vocabularies, or the minima there are flagged"];
 
-/// An optimum outside: on which side, where it is expected, and what ends before it.
+/// An expected optimum outside the range tried: its side, its place, and the end of the range.
 struct Outside {
     is_below: bool,
     budget_flops: f64,
@@ -204,8 +204,8 @@ pub fn doubts_bracket(budgets: &[Tried]) -> Vec<Doubt> {
     doubts
 }
 
-/// Where the sizes of a budget, or its vocabularies, end before its expected optimum, by however much within a factor
-/// that may be otherwise. V follows from N_v at the width of the size nearest to the optimum.
+/// An optimum beyond the sizes or vocabularies of a budget, within the uncertainty of the law. V follows from N_v at
+/// the width of the size nearest to the optimum.
 fn outside(tried: &Tried, law: &Expected, axis: [&str; 4]) -> Option<Outside> {
     let (expected, within, [first, last]) = if axis == SIZES {
         let [first, .., last] = &tried.sizes[..] else { return None };
@@ -228,7 +228,7 @@ fn told(
     found: &[Outside],
     all: usize,
 ) -> Option<Doubt> {
-    // The one furthest out stands for all.
+    // The furthest one is reported.
     let off = |outside: &Outside| (outside.expected / outside.end).ln().abs();
     let worst = found.iter().max_by(|a, b| off(a).total_cmp(&off(b)))?;
     let budgets_flops: Vec<f64> = found.iter().map(|outside| outside.budget_flops).collect();

@@ -1,4 +1,4 @@
-//! [`doubts`]: what will be in doubt of a sweep's minima, told before the hours are spent.
+//! [`doubts`]: weaknesses of a sweep's minima that its plan shows before any training.
 
 mod doubt;
 pub use doubt::Doubt;
@@ -8,8 +8,8 @@ use super::prelude::*;
 use doubt::tried;
 use isoflop::plan::Plan;
 
-/// What is in doubt of a plan, one of each kind for each generator at most. A sweep of one size makes no law, so
-/// nothing of its grid is in doubt.
+/// The doubts about a plan, at most one of each kind for each generator. A sweep of one size makes no law, so its
+/// grid is not judged.
 pub fn doubts(sweep: &Sweep, plan: &Plan) -> Vec<Doubt> {
     let generators = tried(plan);
     let is_study = generators.iter().flatten().any(|budget| budget.sizes.len() > 1);
@@ -17,7 +17,7 @@ pub fn doubts(sweep: &Sweep, plan: &Plan) -> Vec<Doubt> {
     if is_study {
         for budgets in &generators {
             let own = [doubt::doubts(budgets), doubt::doubts_bracket(budgets)].concat();
-            // Generators that share their sizes share what is in doubt of them.
+            // Generators with the same sizes have the same doubts.
             let fresh: Vec<Doubt> = own.into_iter().filter(|own| !found.contains(own)).collect();
             found.extend(fresh);
         }
@@ -28,24 +28,24 @@ pub fn doubts(sweep: &Sweep, plan: &Plan) -> Vec<Doubt> {
     found
 }
 
-// Losses that are measured too roughly: on too few codes, or once.
+// Losses measured too roughly: on too few codes, or only once.
 
 /// A grid of one budget has no law in C.
 fn one_budget(plan: &Plan) -> Option<Doubt> {
     let first = plan.runs.first()?.spec.budget_flops;
     plan.runs.iter().all(|run| run.spec.budget_flops == first).then(|| {
-        let what = "all runs have one budget, which gives a minimum and no law in C";
+        let what = "all runs have one budget, which gives a minimum but no law in C";
         of_study("one-budget", [what, "list three budgets or more"].map(String::from))
     })
 }
 
-/// Nothing tells the noise of runs from the curve of the loss.
+/// With one seed, run noise is not measured.
 fn one_seed(sweep: &Sweep, plan: &Plan) -> Option<Doubt> {
     if sweep.seeds.len() > 1 || sweep.tokenizer.seeds.len() > 1 {
         return None;
     }
-    let what = "each cell is trained once, so the noise of runs is guessed from how they scatter round a \
-                surface";
+    let what = "each cell (model, vocabulary, budget) is trained once, so run noise is estimated from the \
+    residuals of a smooth surface";
     let mend = format!("set seeds: [0, 1], which doubles the {} runs", plan.runs.len());
     Some(of_study("one-seed", [what.to_string(), mend]))
 }
@@ -97,7 +97,7 @@ grid:
         DataFacts::absent(String::new())
     }
 
-    /// The words of what is in doubt under these settings.
+    /// The kinds of doubts under these settings.
     fn kinds(settings: &[&str]) -> Vec<String> {
         let found = of(GOOD, settings, absent());
         let word =

@@ -1,4 +1,4 @@
-//! `isoflop evaluate`: motions scored by a trained evaluator, those of a run or those in files.
+//! `isoflop evaluate`: scores the motions of a run, or in files, by a trained evaluator.
 
 mod motions;
 
@@ -24,39 +24,39 @@ pub struct EvaluateArgs {
     /// of such, as `isoflop generate` makes them
     #[arg(value_name = "FILE", required_unless_present = "run", conflicts_with = "run")]
     pub motions: Vec<PathBuf>,
-    /// A run's folder, or a sweep's, whose run with the lowest loss is taken: its motions are made and
+    /// A run's folder, or a sweep's, for its run with the lowest loss: its motions are made and
     /// scored
     #[arg(long, value_name = "RUN")]
     pub run: Option<PathBuf>,
-    /// An evaluator's folder, `evaluators/<id>`, or a sweep's that has one; by default that of the run
+    /// An evaluator's folder, `evaluators/<id>`, or a sweep's with one; by default the run's evaluator
     #[arg(long, value_name = "FOLDER", required_unless_present = "run")]
     pub evaluator: Option<PathBuf>,
-    /// A file with a caption a line, in the order of the motions; by default those of `motions.json` or
-    /// of a .txt beside each
+    /// A file with one caption per line, in the order of the motions; by default captions come from
+    /// `motions.json` or the .txt next to each motion
     #[arg(long, value_name = "FILE", conflicts_with = "run")]
     pub texts: Option<PathBuf>,
-    /// How often motions are made; of files, how often pools and pairs are drawn
+    /// Repeats: each makes all motions again; for files, each redraws pools and pairs
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..))]
     pub repeats: u16,
-    /// How far motions are moved away from those without text; `autoregressive` knows no guidance
+    /// Strength of classifier-free guidance; not for `autoregressive`
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative, requires = "run")]
     pub guidance: f64,
-    /// How far a tokenizer with language follows the caption when it decodes
+    /// Strength of caption guidance in decoding, for a tokenizer with language
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative, requires = "run")]
     pub detokenizer_guidance: f64,
-    /// What logits are divided by; 0 takes the likeliest code
+    /// Divisor of the logits; 0 takes the likeliest code
     #[arg(long, value_name = "T", default_value_t = 1.0, value_parser = not_negative, requires = "run")]
     pub temperature: f64,
-    /// Draw among the likeliest codes that together hold this share
+    /// Draw among the likeliest codes whose probabilities sum to this
     #[arg(long, value_name = "P", value_parser = share, requires = "run")]
     pub top_p: Option<f64>,
-    /// Leave MultiModality out, which takes as many motions as six repeats
+    /// Skip MultiModality (it costs as much as six repeats)
     #[arg(long, requires = "run")]
     pub no_multimodality: bool,
     /// The same seed gives the same scores
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
-    /// The backend that computes
+    /// The compute backend
     #[arg(long, value_parser = device(), default_value = "flex")]
     pub device: DeviceName,
 }
@@ -86,7 +86,7 @@ pub fn evaluate(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
     }
 }
 
-/// Makes motions of every test clip's caption, as often as asked for, and scores them.
+/// Generates motions from the caption of every test clip, once per repeat, and scores them.
 fn of_run(args: &EvaluateArgs, run: &Path, output: &Output) -> Result<Exit> {
     let device = args.device.open()?;
     let run = TrainedRun::open(run, &device)?;
@@ -116,9 +116,9 @@ fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
     output.result(&serde_json::to_value(&scores)?, &text_of_files(&scores))
 }
 
-// [`FileScores`]: what motions of files score, each score or the reason why there is none.
+// [`FileScores`]: the scores of motions in files, or the reason why a score is missing.
 
-/// What motions of files score.
+/// The scores of motions in files.
 #[derive(Serialize)]
 struct FileScores {
     pub evaluator_id: String,
@@ -132,13 +132,13 @@ struct FileScores {
     pub truth_physics: ScoredPhysics,
 }
 
-/// One score of motions, and of true ones beside it.
+/// One score of motions, and of true ones.
 #[derive(Serialize)]
 struct FileScore {
     pub name: &'static str,
     pub found: Option<Repeated>,
     pub truth: Option<Repeated>,
-    /// Why there is none.
+    /// Why the score is missing.
     pub reason: Option<String>,
 }
 
@@ -153,13 +153,13 @@ impl FileScore {
 }
 
 impl FileScores {
-    /// True motions whose FID from the others stands beside that of `n_made` motions: as many, and half
-    /// of all at most, since FID falls as sets grow.
+    /// Number of true motions for the reference FID of `n_made` motions: as many, but at most half of all, since
+    /// FID falls as sets grow.
     pub fn true_motions(n_made: usize, n_truth: usize) -> usize {
         n_made.min(n_truth / 2)
     }
 
-    /// Scores motions beside the test split of the evaluator's data.
+    /// Scores motions against the test split of the evaluator's data.
     pub fn of(
         motions: &[NamedMotion],
         trusted: &TrustedEvaluator,
@@ -190,9 +190,9 @@ impl FileScores {
 /// Motions of one side: all, and those that have a caption.
 type Side<'a> = (&'a Embeddings, &'a Embedded);
 
-/// How often, and by which seed, pools and pairs are drawn.
+/// Repeats, and the seed, of drawing pools and pairs.
 impl EvaluateArgs {
-    /// Of these motions, and of true ones.
+    /// The scores of these motions, and of true ones.
     fn scores(&self, made: Side, truth: Side) -> Vec<FileScore> {
         let both = [made, truth];
         let precision = |k: usize| {
@@ -214,7 +214,7 @@ impl EvaluateArgs {
         ]
     }
 
-    /// FID from true motions; beside it that of as many true motions from the others.
+    /// FID from true motions, and the FID of as many true motions from the rest.
     fn fid(&self, made: &Embeddings, truth: &Embeddings) -> FileScore {
         let n = FileScores::true_motions(made.len(), truth.len());
         let of_truth = |rng: &mut ChaCha8Rng| {
@@ -247,9 +247,9 @@ impl EvaluateArgs {
     }
 }
 
-// What a person reads of scores: a screen.
+// Scores as text.
 
-/// The scores of a run's motions, beside those of motions that are known to be better or worse.
+/// The scores of a run's motions, next to motions known to be better or worse.
 fn text_of_run(label: &str, scores: &RunScores) -> String {
     let RunScores { made, shuffled, truth, reconstructed, .. } = scores;
     let row = |(name, scores): (&str, &MotionScores)| {
@@ -272,14 +272,14 @@ fn text_of_run(label: &str, scores: &RunScores) -> String {
     );
     let _ = writeln!(
         text,
-        "\nFID of one half of the true motions from the other: {}\ndiversity {}, of true motions {}",
+        "\nFID between two halves of the true motions: {}\ndiversity {}, of true motions {}",
         scores.halves_fid.shown(4),
         made.diversity.shown(3),
         truth.diversity.shown(3)
     );
     if let Some(multimodality) = scores.multimodality {
         let spread = multimodality.shown(3);
-        let _ = writeln!(text, "MultiModality {spread}: distance of motions of one caption");
+        let _ = writeln!(text, "MultiModality {spread}: distance between motions of one caption");
     }
     text += &bodies(&scores.made_physics, &scores.truth_physics);
     text + &comparable(&scores.evaluator_id)

@@ -1,4 +1,4 @@
-//! The motions that are named on the command line, with their captions.
+//! Reads the motions named on the command line, with their captions.
 
 use crate::commands::prelude::*;
 use crate::commands::tokenize::{caption_beside, captions_of_lines, motion_name};
@@ -10,7 +10,7 @@ use std::fs;
 /// Problems that are listed, at most.
 const LISTED: usize = 10;
 
-/// A motion of a file: its features, `[T, 263]` row-major and raw, and its caption as captions of data are read.
+/// A motion in a file: its raw features, `[T, 263]` row-major, and its caption.
 pub type NamedMotion = (Vec<f32>, Option<String>);
 /// The files of motions, and these.
 pub type Named = (Vec<PathBuf>, Vec<NamedMotion>);
@@ -38,7 +38,7 @@ pub fn named_motions(motions: &[PathBuf], texts: Option<&Path>, fps: f64) -> Res
     Ok((paths, read.into_iter().flatten().zip(captions).collect()))
 }
 
-/// A file a motion: features where a motion has several files, then arrays, then BVH.
+/// One file per motion: features before joint arrays before BVH if it has several.
 fn of_folder(folder: &Path) -> Result<Vec<(PathBuf, Option<String>)>> {
     let entries = fs::read_dir(folder).with_context(|| format!("reading {}", folder.display()))?;
     let mut by_name: BTreeMap<String, PathBuf> = BTreeMap::new();
@@ -55,7 +55,7 @@ fn of_folder(folder: &Path) -> Result<Vec<(PathBuf, Option<String>)>> {
     if by_name.is_empty() {
         bail!("{} holds no .npy and no .bvh", folder.display());
     }
-    // Where `isoflop generate` filled the folder, in the order of its files' numbers.
+    // Numbered files of `isoflop generate` are in the order of their numbers.
     let made: Vec<MadeMotion> = read_if_there(&folder.join("motions.json"))?.unwrap_or_default();
     let with_caption = |path: PathBuf| {
         let index: Option<usize> = motion_name(&path).parse().ok();
@@ -65,21 +65,21 @@ fn of_folder(folder: &Path) -> Result<Vec<(PathBuf, Option<String>)>> {
     Ok(by_name.into_values().map(with_caption).collect())
 }
 
-/// What is read first of a motion's files; `None` for other files.
+/// The rank of a motion's file, the lowest read first; `None` for other files.
 fn rank(path: &Path) -> Option<usize> {
     let name = path.file_name()?.to_str()?.to_ascii_lowercase();
     let endings = [".features.npy", ".joints.npy", ".npy", ".bvh"];
     endings.into_iter().position(|ending| name.ends_with(ending))
 }
 
-/// What is read of an element of `motions.json`.
+/// The part of an element of `motions.json` that is read.
 #[derive(Deserialize)]
 struct MadeMotion {
     caption: String,
 }
 
-/// The caption of each motion, where it has one: a line of `--texts`, else that of its folder, else that
-/// of the .txt beside it.
+/// The caption of each motion, if it has one: from `--texts`, else from its folder, else from the .txt next to
+/// it.
 fn captions(
     texts: Option<&Path>,
     files: &[(PathBuf, Option<String>)],

@@ -12,10 +12,10 @@ use isoflop::table::{OutlierStage, TableRequest};
 /// Shown below the options.
 const EXAMPLES: &str = "\
 Examples:
-  The laws of a sweep, again
+  Refit a sweep
     isoflop fit results/cmu-motion
 
-  Any table: name what its columns are; the rest is derived (here tokens = C/6N)
+  Any table: map its columns; the rest is derived (here tokens = C/6N)
     isoflop fit runs.csv --columns 'params=Model Size,budget_flops=Training FLOP,loss=loss' \\
         --law approach3 --predict 1e24
 
@@ -29,25 +29,25 @@ Examples:
   One law for each experiment of a table
     isoflop fit runs.csv --by experiment
 
-docs/fitting.md tells which law to choose and how to read the answer.";
+docs/fitting.md explains which law to choose and how to read the answer.";
 
-/// Which rows of a table are fitted, by which law.
+/// The rows of a table to fit, and the law.
 #[derive(Args, Clone, Debug, Default, PartialEq)]
 pub struct TableArgs {
-    /// What the table's columns mean, as in params=N,tokens=D*1e9,loss=L
+    /// The meaning of the table's columns, e.g. params=N,tokens=D*1e9,loss=L
     ///
     /// Names: params, params_nonvocab, params_vocab, n_vocab, d_model, tokens, budget_flops, flops,
     /// loss, seed, weight, run_id. The right side is a column or an expression of columns; a column
     /// whose own name is one of these needs no mention.
     #[arg(long, value_name = "NAME=EXPR,…", help_heading = "Table")]
     pub columns: Option<String>,
-    /// Fit only rows that meet a condition, as 'loss < 4 and model == "llama"'; may be repeated
+    /// Fit only rows that meet a condition, e.g. 'loss < 4 and model == "llama"'; may be repeated
     #[arg(long = "where", value_name = "EXPR", help_heading = "Table")]
     pub filters: Vec<String>,
-    /// Leave out the K rows of the highest loss
+    /// Leave out the K rows with the highest loss
     #[arg(long, value_name = "K", help_heading = "Table")]
     pub drop_highest: Option<usize>,
-    /// Leave out doubtful rows, naming each: duplicates, few-levels, off-centre, spline
+    /// Leave out doubtful rows, and name each: duplicates, few-levels, off-centre, spline
     #[arg(
         long,
         value_name = "STAGE,…",
@@ -56,7 +56,7 @@ pub struct TableArgs {
         help_heading = "Table"
     )]
     pub outliers: Vec<OutlierStage>,
-    /// Which law to fit
+    /// The law to fit
     #[arg(long, value_parser = a_law(), help_heading = "Law")]
     pub law: Option<LawKind>,
 }
@@ -70,7 +70,7 @@ pub struct FitArgs {
 
     #[command(flatten)]
     pub table: TableArgs,
-    /// Fit the groups of a column side by side, each by its own rows
+    /// Fit each group of rows separately, grouped by this column
     #[arg(
         long,
         value_name = "COLUMN",
@@ -81,13 +81,13 @@ pub struct FitArgs {
     /// The kind of minimum that the laws are fitted to
     #[arg(long, value_parser = one_of(MINIMA), help_heading = "Law")]
     pub minima: Option<MinimumMethod>,
-    /// Fit the runs of a sweep's validations beside its own, as further budgets
+    /// Also fit the runs of a sweep's validations, as further budgets
     #[arg(long, help_heading = "Law")]
     pub validations: bool,
     /// Fit flagged minima too
     #[arg(long, help_heading = "Law")]
     pub keep_flagged: bool,
-    /// The count of FLOPs that the laws are written in
+    /// The rule that counts the FLOPs of the laws
     #[arg(long, value_parser = a_rule(), help_heading = "Law")]
     pub flops: Option<FlopsRule>,
     /// Residuals of the loss or of its logarithm, for a parametric law
@@ -99,17 +99,17 @@ pub struct FitArgs {
     /// minima and of the frontier, in MADs of their residuals.
     #[arg(long, value_name = "DELTA|mad|none", value_parser = huber, help_heading = "Law")]
     pub huber: Option<Huber>,
-    /// Where the search for a parametric law begins: a few good points, or Hoffmann's 4500
+    /// Starts of the search for a parametric law: a few good points, or Hoffmann's 4500
     #[arg(long, value_parser = one_of(STARTS), help_heading = "Law")]
     pub starts: Option<Starts>,
     /// Keep the exponents of model and data equal (alpha1 = beta)
     #[arg(long, help_heading = "Law")]
     pub tied: bool,
-    /// Follow a published analysis in everything that is not given here
+    /// Follow a published analysis in all options not given here
     #[arg(long, value_enum, help_heading = "Law")]
     pub compat: Option<CompatName>,
 
-    /// largest, none, or the declared budget that takes no part
+    /// The budget left out of the fit: largest, none, or a declared budget
     #[arg(long, value_name = "largest|none|C", value_parser = hold_out, help_heading = "Uncertainty")]
     pub hold_out: Option<HoldOut>,
     /// Bootstrap replicates; 0 for no intervals
@@ -119,13 +119,13 @@ pub struct FitArgs {
     #[arg(long, value_name = "S", help_heading = "Uncertainty")]
     pub seed: Option<u64>,
 
-    /// Budgets in FLOPs to give the optimum for; by default the table's largest and ten times it
+    /// Budgets in FLOPs to predict the optimum for; by default the table's largest and ten times it
     #[arg(long, value_name = "C,…", value_delimiter = ',', value_parser = budget)]
     pub predict: Vec<f64>,
-    /// Keep a sweep's laws as its own: its laws.json, or laws-<law>.json for another law
+    /// Save the laws in the sweep's folder: as laws.json, or laws-<law>.json for another law
     #[arg(long)]
     pub save: bool,
-    /// Write what to run next as a sweep file, with models and codebooks that can be built
+    /// Write the advised runs as a sweep file, with models and codebooks that can be built
     #[arg(long, value_name = "FILE")]
     pub next: Option<PathBuf>,
     /// The file to write the laws to; with --by a folder, for a file of each group
@@ -133,7 +133,7 @@ pub struct FitArgs {
     pub out: Option<PathBuf>,
 }
 
-/// The kinds of minimum, that in both sizes last.
+/// The kinds of minimum; the surface in both sizes is last.
 pub const MINIMA: [(&str, &str, MinimumMethod); 5] = [
     ("argmin", "", MinimumMethod::Argmin),
     ("parabola", "", MinimumMethod::Parabola),
@@ -160,7 +160,7 @@ pub enum CompatName {
     Scamo,
 }
 
-/// Power laws' Huber δ where `mad` is asked for: 95 % of the precision of least squares.
+/// Huber δ of power laws for `mad`: 95 % of the precision of least squares.
 const MADS: f64 = 1.345;
 
 fn huber(text: &str) -> Result<Huber, String> {
@@ -186,10 +186,10 @@ fn a_law() -> impl TypedValueParser<Value = LawKind> {
     one_of(LawKind::fitted().map(|law| (law.name(), law.about(), law)))
 }
 
-// What a fit is asked for: the command line, over the defaults of the analysis it follows.
+// The options of a fit: the command line over the defaults of the analysis that it follows.
 
 impl FitArgs {
-    /// With what the published analysis has that is not given.
+    /// Fills options that are not given from the published analysis.
     pub fn resolved(&self) -> Self {
         let mut own = self.clone();
         if own.compat == Some(CompatName::Scamo) {
@@ -210,14 +210,14 @@ impl FitArgs {
         })
     }
 
-    /// The rows of a table that count.
+    /// The rows of a table to fit.
     pub fn rows(&self) -> TableRequest {
         let TableArgs { columns, filters, drop_highest, outliers, .. } = self.table.clone();
         let drop_highest = drop_highest.unwrap_or(0);
         TableRequest { columns, group: None, filters, drop_highest, outliers }
     }
 
-    /// Whether a sweep's folder is taken as any other table.
+    /// Whether a sweep's folder is read like any other table.
     pub fn is_of_rows(&self) -> bool {
         self.rows() != TableRequest::default() || self.table.drop_highest.is_some()
     }
@@ -246,7 +246,7 @@ impl FitArgs {
         }
     }
 
-    /// A note if the loss itself is fitted for want of logarithms, its space not being asked for.
+    /// A note if the loss itself is fitted because it has no logarithm, and no space was asked for.
     pub fn raw_note(&self, points: &[IsoFlopPoint]) -> Option<String> {
         let LawKind::Parametric(form) = self.law() else { return None };
         let in_logs = self.space.is_none() && self.parametric(form).space == Space::Log;

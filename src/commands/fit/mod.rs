@@ -38,7 +38,7 @@ pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     } else if args.next.is_some() {
         bail!("--next wants a sweep's folder: nothing is known of how {} was made", source.name);
     }
-    // A sweep's folder holds its own laws; those of another law stand beside them.
+    // A sweep's folder has its own laws; other laws are written next to them.
     let own = source.sweep.as_ref().map(|own| match fitted.laws.law {
         LawKind::Isoflop | LawKind::Published => own.folder.file("laws.json"),
         other => own.folder.file(format!("laws-{}.json", other.name())),
@@ -51,7 +51,7 @@ pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     Ok(if undetermined { Exit::NotIdentifiable } else { Exit::Done })
 }
 
-/// What a fit prints and keeps.
+/// The output of a fit.
 struct Fitted {
     pub laws: Laws,
     pub document: Value,
@@ -71,7 +71,7 @@ impl Fitted {
             }
         }
         request.raw_note(&source.rows.points).iter().for_each(|note| output.note(note));
-        // A sweep has a list of its own, for `isoflop predict`.
+        // A sweep has its own list, for `isoflop predict`.
         let budgets = source.rows.points.iter().map(|point| point.budget_flops);
         let largest = budgets.reduce(f64::max).filter(|_| source.sweep.is_none());
         let predictions = each(&laws, &request.budgets(largest), output);
@@ -83,7 +83,7 @@ impl Fitted {
     }
 }
 
-/// What `laws.json` holds; beside it the optima asked for, and what became of a table's rows.
+/// The contents of `laws.json`, with the requested optima and the notes on a table's rows.
 fn document(laws: &Laws, predictions: &[Prediction], source: &Source) -> Result<Value> {
     let mut document = serde_json::to_value(laws)?;
     document["verdict"] = json!(brief(laws));
@@ -97,25 +97,25 @@ fn document(laws: &Laws, predictions: &[Prediction], source: &Source) -> Result<
     Ok(document)
 }
 
-/// The laws and the optima asked for: everything, or one screen.
+/// The laws and the requested optima: in full, or one screen.
 pub fn text(laws: &Laws, predictions: &[Prediction], full: bool) -> String {
     let own = if full { summary(laws) } else { brief(laws) };
     if predictions.is_empty() { own } else { format!("{own}\n{}", said(predictions, full)) }
 }
 
-// A line on a terminal where a fit takes long.
+// A line on a terminal if a fit takes long.
 
-/// How long a fit takes without a word.
+/// Time before the line is shown.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Says `line` on standard error, if that is a terminal and notes are wanted, once a fit takes longer than two seconds
-/// and what this gives is not dropped, which ends the thread.
+/// Prints `line` on a terminal's standard error, if notes are wanted and the returned guard still lives after two
+/// seconds. Dropping the guard ends the thread.
 fn said_if_slow(output: &Output, line: String) -> Option<Sender<()>> {
     let wanted = !output.quiet && std::io::stderr().is_terminal();
     wanted.then(|| said_after(PATIENCE, move || say(&line)))
 }
 
-/// Calls `then` after a time, unless what this gives is dropped before.
+/// Calls `then` after a time, unless the returned guard is dropped before.
 fn said_after(time: Duration, then: impl FnOnce() + Send + 'static) -> Sender<()> {
     let (sender, receiver) = channel();
     thread::spawn(move || {
@@ -126,19 +126,19 @@ fn said_after(time: Duration, then: impl FnOnce() + Send + 'static) -> Sender<()
     sender
 }
 
-// `--by COLUMN`: the groups of a column, fitted side by side.
+// `--by COLUMN`: fits the groups of a column separately.
 
-/// A group, and what came of fitting it.
+/// A group, and the result of its fit.
 struct Done {
     group: Group,
     runs: usize,
     fitted: Result<Fitted>,
 }
 
-/// Fits each group by its own rows; one that cannot be fitted says why and stops no other.
+/// Fits each group by its own rows; a group that cannot be fitted gives its reason, and the others go on.
 ///
 /// # Errors
-/// Where no group can be fitted, the first one's error unless it is that of its runs.
+/// No group can be fitted: the error of the first, unless it is about its runs.
 fn fit_fitted(column: &str, request: &FitArgs, output: &Output) -> Result<Exit> {
     let table = RunTable::open(&request.source, request.flops)?;
     let groups = table::groups(&table.table, &request.rows(), column)?;
@@ -190,7 +190,7 @@ fn document_by(column: &str, done: &[Done]) -> Value {
     json!({ "by": column, "groups": groups, "failed": failed })
 }
 
-/// One block a group, under its name.
+/// One block per group, under its name.
 fn text_by(done: &[Done]) -> String {
     let block = |Done { group, runs, fitted }: &Done| {
         let runs = if *runs > 0 { format!(", {runs} runs") } else { String::new() };
@@ -208,7 +208,7 @@ fn text_by(done: &[Done]) -> String {
 /// The file of each group in a folder.
 ///
 /// # Errors
-/// Where two groups would have one file.
+/// Two groups would have the same file.
 fn files(folder: &Path, groups: &[Group]) -> Result<Vec<PathBuf>> {
     std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     let kept = |c: char| if c.is_alphanumeric() || "._-".contains(c) { c } else { '_' };

@@ -1,4 +1,4 @@
-//! `--next`: what the laws advise to run, as a sweep file over the sweep's own.
+//! `--next`: writes the advised runs as a sweep file that includes the sweep's own.
 
 use super::source::OwnSweep;
 use crate::commands::export::way;
@@ -8,13 +8,13 @@ use crate::commands::sizes::{codes, distinct, model, nonvocab};
 use isoflop::laws::{Advice, AdviceKind};
 use isoflop::sweep::{GridPart, ModelEntry, ModelList, VocabSpec, models};
 
-/// How far a size may be from one of the sweep's for that one to be taken.
+/// Largest factor between an advised size and a sweep's size that replaces it.
 const SAME: f64 = 0.01;
 
-/// Writes the advice of laws as a sweep that trains what is missing, in the folder of the sweep's own runs.
+/// Writes the advice of laws as a sweep that trains missing runs in the folder of the sweep's own runs.
 ///
 /// # Errors
-/// There is none that a grid can say; a model cannot be built; the file cannot be written.
+/// There is no advice for a grid; a model cannot be built; the file cannot be written.
 pub fn write(path: &Path, own: &OwnSweep, laws: &Laws) -> Result<()> {
     if home(&own.folder).root() != own.folder.root() {
         bail!(
@@ -25,17 +25,14 @@ pub fn write(path: &Path, own: &OwnSweep, laws: &Laws) -> Result<()> {
     let parts: Vec<(&Advice, GridPart)> =
         advised.map(|advice| Ok((advice, part(&own.sweep, advice)?))).collect::<Result<_>>()?;
     if parts.is_empty() {
-        bail!(
-            "the laws of {} leave nothing open that a further part of the grid would answer",
-            laws.name
-        );
+        bail!("the laws of {} advise no further runs", laws.name);
     }
     let base = own.folder.file("sweep.yaml");
     let text = text(own, &relative(path, &base)?, path, &parts);
     Ok(atomic::write_bytes(path, text.as_bytes())?)
 }
 
-/// What an advice names, as models and vocabularies that can be built.
+/// The sizes of an advice, as models and vocabularies that can be built.
 fn part(sweep: &Sweep, advice: &Advice) -> Result<GridPart> {
     let tried = models(&sweep.grid.models);
     let entry = |size: &f64| -> Result<ModelEntry> {
@@ -56,7 +53,7 @@ fn part(sweep: &Sweep, advice: &Advice) -> Result<GridPart> {
     })
 }
 
-/// A budget of the sweep as it is, a new one to four digits.
+/// A budget of the sweep exactly, a new one to four digits.
 fn budget(advice: &Advice) -> f64 {
     let is_new = matches!(advice.kind, AdviceKind::LargerBudget | AdviceKind::NextBudget);
     let rounded = format!("{:.3e}", advice.budget_flops).parse();

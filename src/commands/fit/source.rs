@@ -1,4 +1,4 @@
-//! Where the points of a fit come from: a sweep's folder, or a table made elsewhere.
+//! Reads the points of a fit from a sweep's folder or from a table made elsewhere.
 
 use super::args::{FitArgs, MINIMA, TableArgs};
 use super::sweep;
@@ -13,14 +13,14 @@ use isoflop::laws::{
 use isoflop::record::{Tuned, table as runs};
 use isoflop::table::{self, Dropped, Loaded, Table, TableRequest};
 
-/// Points, and what they were made of.
+/// Points, and their source.
 pub struct Source {
     pub name: String,
     /// The count of FLOPs of [`IsoFlopPoint::flops`](isoflop::laws::IsoFlopPoint::flops).
     pub rule: FlopsRule,
-    /// The points, what became of other rows, and what is likely wrong.
+    /// The points, the rows that were left out, and likely errors.
     pub rows: Loaded,
-    /// Where the points are a sweep's own, untouched.
+    /// Whether the points are a sweep's own, without filters.
     pub sweep: Option<OwnSweep>,
 }
 
@@ -32,7 +32,7 @@ pub struct OwnSweep {
 }
 
 impl Source {
-    /// What was taken without being asked, and a sentence for each row that was dropped.
+    /// Notes on assumptions, and a sentence for each dropped row.
     pub fn told(&self) -> impl Iterator<Item = String> {
         let said =
             |row: &Dropped| format!("dropped {} ({}): {}", row.run_id, row.stage, row.reason);
@@ -68,7 +68,7 @@ pub fn of_sweep(path: &Path, request: &FitArgs) -> Result<Source> {
     Ok(Source { name, rule, rows, sweep: Some(OwnSweep { folder, sweep, records }) })
 }
 
-/// The runs of every validation that has a table, by budget.
+/// The runs of every validation with a table, by budget.
 fn of_validations(folder: &ResultsFolder) -> Result<Vec<RunRecord>> {
     let has_table =
         |place: &PathBuf| ["runs.parquet", "runs.csv"].iter().any(|name| place.join(name).exists());
@@ -78,7 +78,7 @@ fn of_validations(folder: &ResultsFolder) -> Result<Vec<RunRecord>> {
     Ok(all)
 }
 
-// A table of runs made elsewhere, or a sweep's own table taken as one.
+// A table of runs made elsewhere, or a sweep's own table read like one.
 
 /// The points of a sweep's folder, or of a table.
 pub fn open(path: &Path, request: &FitArgs) -> Result<Source> {
@@ -88,7 +88,7 @@ pub fn open(path: &Path, request: &FitArgs) -> Result<Source> {
     }
 }
 
-/// A table that was read, under a name.
+/// A table with a name.
 pub struct RunTable {
     pub name: String,
     rule: FlopsRule,
@@ -96,8 +96,8 @@ pub struct RunTable {
 }
 
 impl RunTable {
-    /// Reads a file, or the table in a sweep's folder, whose rule of FLOPs it then has unless another
-    /// is asked for.
+    /// Reads a file, or the table in a sweep's folder; the latter has the sweep's FLOP rule unless another is asked
+    /// for.
     pub fn open(path: &Path, rule: Option<FlopsRule>) -> Result<Self> {
         if path.is_dir() {
             let sweep = sweep_of(&ResultsFolder::new(path))?;
@@ -120,8 +120,8 @@ impl RunTable {
         Ok(Source { name: self.name.clone(), rule: self.rule, rows, sweep: None })
     }
 
-    /// `--columns` with what a run spent by the rule: 6ND follows from the rest, the others need a
-    /// column of their own, as a sweep's table has it.
+    /// `--columns` with the FLOPs of a run by the rule: 6ND follows from N and D, other rules need their column, as in a
+    /// sweep's table.
     fn with_flops(&self, columns: Option<&str>) -> Result<Option<String>> {
         let own = format!("flops_{}", self.rule.name());
         let is_flops = |column: &str| column.trim().starts_with("flops=");
@@ -141,12 +141,12 @@ impl RunTable {
     }
 }
 
-// The laws of the points, by the law that was asked for.
+// Fits the requested law.
 
-/// Replicates where neither the command line nor a sweep's file asks for a number.
+/// Replicates if neither the command line nor a sweep's file gives a number.
 const BOOTSTRAP: usize = 1000;
 
-/// Fits the law that was asked for.
+/// Fits the requested law.
 pub fn laws(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
     let laws = match (request.law(), &source.sweep) {
         (LawKind::Isoflop, Some(own)) => {
@@ -159,7 +159,7 @@ pub fn laws(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
         (LawKind::Published, _) => unreachable!("no law that can be asked for"),
     }?;
     let laws = match (&source.sweep, request.law()) {
-        // The laws of a sweep's own kind know its models already.
+        // The laws of a sweep know its models already.
         (Some(own), law) if law != LawKind::Isoflop => sweep::of_own_models(laws, &own.records),
         _ => laws,
     };
@@ -225,20 +225,20 @@ fn parametric(source: &Source, request: &FitArgs, form: Form) -> Result<Laws, Fi
     Ok(laws)
 }
 
-// [`TableStudy`]: a table or a `laws.json` as what figures and pages are made of.
+// [`TableStudy`]: a table or a `laws.json` as input of figures and pages.
 
-/// Runs and laws that lie in no sweep's folder.
+/// Runs and laws outside a sweep's folder.
 pub struct TableStudy {
     pub name: String,
     /// Empty for a `laws.json`.
     pub records: Vec<RunRecord>,
-    /// `None` if the table's runs bear none.
+    /// `None` if no laws could be fitted.
     pub laws: Option<Laws>,
     loss: String,
 }
 
 impl TableStudy {
-    /// Reads a `laws.json`, or a table whose runs are then fitted; that they bear no laws is a warning.
+    /// Reads a `laws.json`, or a table and fits its runs; if no laws can be fitted, that is a warning.
     pub fn open(path: &Path, args: &TableArgs, output: &Output) -> Result<Self> {
         if path.extension().is_some_and(|extension| extension == "json") {
             return Self::of_laws(path, args);
@@ -263,7 +263,7 @@ impl TableStudy {
     fn of_laws(path: &Path, args: &TableArgs) -> Result<Self> {
         if args.columns.is_some() || !args.filters.is_empty() || args.law.is_some() {
             bail!(
-                "{} holds laws, not runs: --columns, --where and --law are of a table",
+                "{} holds laws, not runs: --columns, --where and --law are for tables only",
                 path.display()
             );
         }
@@ -272,7 +272,7 @@ impl TableStudy {
         Ok(Self { name, records: Vec::new(), laws: Some(laws), loss })
     }
 
-    /// What figures show of it.
+    /// The input of figures.
     pub fn figures(&self) -> FigureInput<'_> {
         FigureInput {
             title: &self.name,
@@ -283,13 +283,13 @@ impl TableStudy {
         }
     }
 
-    /// What the loss is called, if it is not L_u.
+    /// The name of the loss, if it is not L_u.
     pub fn loss_name(&self) -> Option<&str> {
         Some(&*self.loss).filter(|name| *name != LOSS_NORMALISED)
     }
 }
 
-/// A path beside a file: its name without the ending, and `end`.
+/// A path next to a file: its name without the ending, and `end`.
 pub fn beside(path: &Path, end: &str) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!("{stem}{end}"))

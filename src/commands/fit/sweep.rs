@@ -1,4 +1,4 @@
-//! The laws of a sweep's own records.
+//! Fits the laws of a sweep's records.
 
 use super::args::FitArgs;
 use crate::commands::predict::openai_blocks;
@@ -10,16 +10,16 @@ use isoflop::laws::{
 use isoflop::spec::flops::TRAINING_PER_FORWARD;
 use isoflop::sweep::HoldOutSpec;
 
-/// What a fit needs beside the records.
+/// The input of a fit, besides the records.
 pub struct SweepFit {
-    /// What the sweep spent its budgets by.
+    /// The FLOP rule of the plan.
     planned: FlopsRule,
-    /// What the laws are written in.
+    /// The FLOP rule of the laws.
     pub rule: FlopsRule,
     pub options: FitOptions,
 }
 
-/// What the sweep's file asks for.
+/// The settings of the sweep's file.
 pub fn options(sweep: &Sweep) -> SweepFit {
     let hold_out = match sweep.fit.hold_out {
         HoldOutSpec::LargestBudget => HoldOut::LargestBudget,
@@ -36,14 +36,14 @@ pub fn options(sweep: &Sweep) -> SweepFit {
     SweepFit { planned: sweep.flops.rule, rule: sweep.flops.rule, options }
 }
 
-/// The same with what the command line asks for instead.
+/// The same with overrides from the command line.
 pub fn overridden(fit: SweepFit, request: &FitArgs) -> SweepFit {
     let rule = request.flops.unwrap_or(fit.rule);
     let options = FitOptions { flops_rule: rule.name().to_string(), ..asked(fit.options, request) };
     SweepFit { rule, options, ..fit }
 }
 
-/// Options with those that the command line gives.
+/// Options with overrides from the command line.
 pub fn asked(options: FitOptions, request: &FitArgs) -> FitOptions {
     FitOptions {
         seed: request.seed.unwrap_or(0),
@@ -68,8 +68,8 @@ pub fn fit_records(records: &[RunRecord], fit: &SweepFit) -> Result<Laws, FitErr
     Ok(of_own_models(laws, records))
 }
 
-/// Points at equal FLOPs by the rule of a fit: the runs of a sweep that was planned by another rule are moved. Says what
-/// was done in a sentence; `None` where the sweep was planned by that rule.
+/// Points at equal FLOPs by the rule of a fit: runs of a sweep planned by another rule are moved. Also a sentence
+/// about it; `None` if the sweep was planned by that rule.
 fn in_slices(
     points: Vec<IsoFlopPoint>,
     fit: &SweepFit,
@@ -107,14 +107,13 @@ pub fn of_own_models(mut laws: Laws, records: &[RunRecord]) -> Laws {
     laws.from_sweep = true;
     laws.n_ctx = records.iter().filter_map(|record| record.planned.n_ctx).max();
     laws.head_share = head_share(records);
-    // Data of its own names no tokenizer.
+    // The user's own codes have no tokenizer.
     let is_own = |record: &RunRecord| record.planned.tokenizer_id.as_deref() == Some("none");
     laws.own_vocabularies = records.iter().all(is_own);
     laws.answered()
 }
 
-/// A small grid may have too few minima that are beyond doubt; then the doubtful ones are used, each
-/// named in the laws' warnings.
+/// A small grid may have too few unflagged minima; then flagged ones are used, each named in the laws' warnings.
 fn fit_or_keep_flagged(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitError> {
     match laws::fit(points, options) {
         Err(FitError::TooFewMinima { .. }) if !options.keep_flagged => {
@@ -124,7 +123,7 @@ fn fit_or_keep_flagged(points: &[IsoFlopPoint], options: &FitOptions) -> Result<
     }
 }
 
-/// What the laws are by another count of FLOPs; `None` where fewer or more than `n_points` runs have it.
+/// The laws under another count of FLOPs; `None` unless exactly `n_points` runs have it.
 fn refit(
     records: &[RunRecord],
     n_points: usize,
@@ -138,7 +137,7 @@ fn refit(
         ..fit.options.clone()
     };
     let (points, _) = points(records, rule);
-    // Laws of other runs differ for another reason than the rule.
+    // Laws of different runs would differ for another reason than the rule.
     let fit = SweepFit { planned: fit.planned, rule, options };
     let (points, options, _) =
         (points.len() == n_points).then(|| in_slices(points, &fit).ok())??;
@@ -146,10 +145,9 @@ fn refit(
     Some(sensitivity_row(&format!("flops: {}", rule.name()), &laws))
 }
 
-/// The share of the vocabulary that a code is chosen among; `None` where it is all of it, or where the
-/// records do not tell.
+/// The fraction of the vocabulary that a code is chosen among; `None` if it is all of it, or unknown.
 fn head_share(records: &[RunRecord]) -> Option<f64> {
-    // What a token costs by the OpenAI rule beside the blocks, as a share of a head over all codes.
+    // FLOPs per token outside the blocks by the OpenAI rule, as a fraction of a head over all codes.
     let share_of = |RunRecord { planned, measured, .. }: &RunRecord| {
         let (layers, width) = (planned.n_layer?, planned.d_model?);
         let tokens = TRAINING_PER_FORWARD * measured.tokens as f64;
@@ -159,7 +157,7 @@ fn head_share(records: &[RunRecord]) -> Option<f64> {
     records.iter().find_map(share_of).filter(|share| *share < 0.999)
 }
 
-/// The runs as the laws see them, and a sentence on those whose records lack what a point needs.
+/// The runs as points of the laws, and a sentence on runs whose records are incomplete.
 pub fn points(records: &[RunRecord], rule: FlopsRule) -> (Vec<IsoFlopPoint>, Option<String>) {
     let metric = Metric::default();
     let (mut points, mut lacking) = (Vec::with_capacity(records.len()), Vec::new());

@@ -1,4 +1,4 @@
-//! What `isoflop generate` takes, and the motions that follow from it.
+//! The arguments of `isoflop generate`, and the motions that they ask for.
 
 use crate::commands::args::{not_negative, number, share};
 use crate::commands::context::device;
@@ -16,64 +16,64 @@ pub struct GenerateArgs {
     /// Captions, one motion each
     #[arg(value_name = "TEXT")]
     pub captions: Vec<String>,
-    /// A file with a caption a line, beside those given
+    /// A file with one caption per line, in addition to TEXT
     #[arg(long, value_name = "FILE")]
     pub texts: Option<PathBuf>,
-    /// A run's folder, or a sweep's, whose run with the lowest loss is taken
+    /// A run's folder, or a sweep's, for its run with the lowest loss
     #[arg(long, value_name = "RUN")]
     pub run: PathBuf,
     /// The folder to write to; by default `samples/<run>` in the sweep's folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Write over motions that the folder holds
+    /// Overwrite motions in the folder
     #[arg(long)]
     pub overwrite: bool,
-    /// Motions of each caption
+    /// Motions per caption
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     pub samples: u16,
     /// The same seed gives the same motions
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
-    /// Length in seconds; by default as the model ends the motion, or as a clip of its training is long
+    /// Length in seconds; by default the model ends the motion, or takes the length of a training clip
     #[arg(long, value_name = "S", conflicts_with = "frames", value_parser = positive)]
     pub seconds: Option<f64>,
     /// Length in frames
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: Option<u32>,
-    /// What logits are divided by; 0 takes the likeliest code
+    /// Divisor of the logits; 0 takes the likeliest code
     #[arg(long, value_name = "T", default_value_t = 1.0, value_parser = not_negative)]
     pub temperature: f64,
     /// Draw among the likeliest K codes
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     pub top_k: Option<u32>,
-    /// Draw among the likeliest codes that together hold this share
+    /// Draw among the likeliest codes whose probabilities sum to this
     #[arg(long, value_name = "P", value_parser = share)]
     pub top_p: Option<f64>,
-    /// How far motions are moved away from those without text; `scalewise` takes all of it at its last scale
+    /// Strength of classifier-free guidance; `scalewise` raises it to this at its last scale
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
     pub guidance: f64,
-    /// How far a tokenizer with language follows the caption when it decodes
+    /// Strength of caption guidance in decoding, for a tokenizer with language
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
     pub detokenizer_guidance: f64,
-    /// `masked`: rounds in which codes are shown, the surest first
+    /// `masked`: decoding rounds; each keeps the surest codes
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
     pub rounds: u16,
-    /// A motion (.npy or .bvh) of which a part is made anew, and the rest stays
+    /// A motion (.npy or .bvh) to edit: the part given by --anew is generated again
     #[arg(long, value_name = "FILE", requires = "anew")]
     pub edit: Option<PathBuf>,
-    /// Seconds of it that are made anew: `1.5..3`, `..2` or `4..`; may be given several times
+    /// Seconds of --edit to generate again: `1.5..3`, `..2` or `4..`; may be repeated
     #[arg(long, value_name = "FROM..TO", requires = "edit", value_parser = span)]
     pub anew: Vec<Range<f64>>,
-    /// Make no files: measure how long a motion takes, by batch, with and without guidance
+    /// Make no files: measure the time per motion, by batch size, with and without guidance
     #[arg(long, conflicts_with_all = ["edit", "out", "texts"])]
     pub times: bool,
-    /// The backend that computes
+    /// The compute backend
     #[arg(long, value_parser = device(), default_value = "flex")]
     pub device: DeviceName,
 }
 
 impl GenerateArgs {
-    /// Every caption, in order: those of the command line, then those of the file.
+    /// All captions in order: from the command line, then from the file.
     pub fn all_captions(&self) -> Result<Vec<String>> {
         let mut captions = self.captions.clone();
         if let Some(path) = &self.texts {
@@ -85,7 +85,7 @@ impl GenerateArgs {
         Ok(captions)
     }
 
-    /// The length that is asked for, in frames.
+    /// The requested length in frames.
     pub fn n_frames(&self, fps: f64) -> Option<usize> {
         let seconds = self.seconds.map(|seconds| (seconds * fps).round().max(1.0) as usize);
         seconds.or(self.frames.map(|frames| frames as usize))
@@ -96,7 +96,7 @@ impl GenerateArgs {
         self.edit.as_ref().map(|path| Source::read(path, self, run, output)).transpose()
     }
 
-    /// How motions are made.
+    /// The sampling options.
     pub fn sampling(&self) -> Sampling {
         let top_k = self.top_k.map(|k| k as usize);
         let draw = Draw { temperature: self.temperature, top_k, top_p: self.top_p };
@@ -108,19 +108,18 @@ fn positive(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0, "a number above 0")
 }
 
-// The motion that is made anew in part.
+// Editing a part of a motion.
 
-/// A motion of a file, and the seconds of it that are made anew.
+/// A motion in a file, and the seconds of it to generate again.
 pub struct Source {
     /// `[n_frames, 263]` row-major.
     pub features: Vec<f32>,
-    /// Of each latent, whether it is made anew.
+    /// For each latent, whether it is generated again.
     pub anew: Vec<bool>,
 }
 
 impl Source {
-    /// Reads a motion; where more frames are asked for than it has, it goes on from its end, and what
-    /// comes after that is made anew too.
+    /// Reads a motion; if more frames are asked for than it has, the frames beyond its end are generated too.
     ///
     /// # Errors
     /// The file is no motion, is longer than what is asked for, or nothing of it is made anew.

@@ -1,4 +1,4 @@
-//! `isoflop generate`: motions of captions, from a trained run, in files.
+//! `isoflop generate`: makes motions from captions with a trained run, and writes files.
 
 mod args;
 mod times;
@@ -14,21 +14,21 @@ use isoflop::motion::recover_joints;
 use isoflop::scores::{Physics, physics};
 use std::time::Instant;
 
-/// Motions that are made side by side.
+/// Motions per batch.
 const BATCH: usize = 64;
 
 /// Motions on the contact sheet, at most.
 const ON_SHEET: usize = 24;
 
-/// A motion that is to be made.
+/// A motion to generate.
 struct Order {
     caption: String,
     /// The caption's vectors.
     text: Vec<f32>,
     n_frames: Option<usize>,
-    /// The codes of the motion that is made anew in part.
+    /// The codes of the motion to edit.
     codes: Option<Vec<u32>>,
-    /// Its number: its files' name, and its stream of random numbers.
+    /// Its number: names its files and selects its stream of random numbers.
     index: usize,
 }
 
@@ -52,7 +52,7 @@ pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
     output.result(&document, &text(&run, &motions, &out, made_s))
 }
 
-/// The folder that motions are written to, which holds none yet, or none that are to stay.
+/// The folder for motions; an error if it has motions already, unless they may be overwritten.
 fn folder(args: &GenerateArgs, run: &TrainedRun) -> Result<PathBuf> {
     let own = || run.folder.file("samples").join(&run.run_id);
     let out = args.out.clone().unwrap_or_else(own);
@@ -64,12 +64,12 @@ fn folder(args: &GenerateArgs, run: &TrainedRun) -> Result<PathBuf> {
 
 const MOTIONS: &str = "motions.json";
 
-/// The motions that were asked for: of each caption so many.
+/// The requested motions: some per caption.
 fn orders(args: &GenerateArgs, run: &TrainedRun, source: Option<&Source>) -> Result<Vec<Order>> {
     let mut orders = Vec::new();
     for caption in args.all_captions()? {
         let text = run.embed(&caption)?;
-        // As a tokenizer with language sees them beside a caption.
+        // As a tokenizer with language sees them next to a caption.
         let encode = |source: &Source| run.tokenizer.encode(&source.features, Some(&text));
         let codes = source.map(encode).transpose()?;
         for _ in 0..args.samples {
@@ -86,7 +86,7 @@ fn orders(args: &GenerateArgs, run: &TrainedRun, source: Option<&Source>) -> Res
     Ok(orders)
 }
 
-/// Codes, then features, a batch at a time.
+/// Generates codes, then features, one batch at a time.
 fn make(
     args: &GenerateArgs,
     run: &TrainedRun,
@@ -109,7 +109,7 @@ fn make(
     Ok(made)
 }
 
-/// The files of every motion, the sheet, and last what lists them.
+/// Writes the files of every motion, the contact sheet and last the list.
 fn write(
     args: &GenerateArgs,
     run: &TrainedRun,
@@ -147,7 +147,7 @@ fn write(
     Ok(motions)
 }
 
-// What a person reads of motions that were made: a screen.
+// The result as text.
 
 /// Motions that are listed, at most.
 const LISTED: usize = 12;
@@ -155,7 +155,7 @@ const LISTED: usize = 12;
 /// Characters of a caption that are shown.
 const CAPTION: usize = 56;
 
-/// The run, the motions, which took so many seconds to make, files apart, and where they are.
+/// The run, the motions with the seconds to make them (without files), and their folder.
 fn text(run: &TrainedRun, motions: &[Motion], out: &Path, made_s: f64) -> String {
     let n = motions.len();
     let row = |(index, motion): (usize, &Motion)| {
@@ -187,7 +187,7 @@ fn text(run: &TrainedRun, motions: &[Motion], out: &Path, made_s: f64) -> String
     text + &bodies(motions)
 }
 
-/// What the motions of four frames and more show without an evaluator, on the mean.
+/// Mean statistics of motions of four frames and more that need no evaluator.
 fn bodies(motions: &[Motion]) -> String {
     let seen: Vec<&Physics> = motions.iter().filter_map(|m| m.physics.as_ref()).collect();
     if seen.is_empty() {
@@ -204,7 +204,7 @@ fn bodies(motions: &[Motion]) -> String {
     )
 }
 
-// [`Motion`]: what `motions.json` says of a motion.
+// [`Motion`]: an entry of `motions.json`.
 
 /// An element of `motions.json`.
 #[derive(Serialize)]
@@ -213,17 +213,17 @@ struct Motion {
     pub seed: u64,
     /// Frames.
     pub length: usize,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
     pub seconds: f64,
     /// Scale after scale.
     pub codes: Vec<u32>,
     /// Whether the model ended the motion, or had a length to meet.
     pub ended: bool,
-    /// How far the rigid body of the BVH is from the joints, at most and on the mean.
+    /// Distance of the BVH's rigid body from the joints, at most and on average.
     pub bvh_largest_mm: f64,
     pub bvh_mean_mm: f64,
-    /// What can be seen of it without an evaluator; `None` below four frames.
+    /// Statistics that need no evaluator; `None` below four frames.
     pub physics: Option<Physics>,
     pub run: String,
 }

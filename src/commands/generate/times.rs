@@ -1,4 +1,4 @@
-//! `isoflop generate --times`: how long a motion takes, by batch, with and without guidance.
+//! `isoflop generate --times`: measures the time per motion, by batch size, with and without guidance.
 
 use super::args::GenerateArgs;
 use crate::commands::prelude::*;
@@ -6,33 +6,33 @@ use isoflop::generator::{Prompt, Sampling};
 use isoflop::jobs::TrainedRun;
 use std::time::Instant;
 
-/// Motions that are made side by side.
+/// Batch sizes.
 const BATCHES: [usize; 4] = [1, 4, 16, 64];
 
-/// Each is made so often, and so long, at least; the first time does not count.
+/// Least rounds and seconds of each measurement; the first round does not count.
 const LEAST_ROUNDS: usize = 5;
 const LEAST_S: f64 = 0.5;
 
-/// What takes longer than this is made less often.
+/// Measurements that take longer than this have fewer rounds.
 const LONG_S: f64 = 20.0;
 const ROUNDS_OF_LONG: usize = 3;
 
-/// Batches that would take longer than this each time are left out.
+/// Batches that would take longer than this per round are left out.
 const LONGEST_S: f64 = 60.0;
 
-/// Guidance where none is given, and seconds of motion, as LG-Tok's table has them: 4 and a whole clip.
+/// Defaults from LG-Tok's table: guidance 4, and the seconds of a whole clip.
 const GUIDANCE: f64 = 4.0;
 const SECONDS: f64 = 9.8;
 
-/// What is said where no caption is given.
+/// The default caption.
 const CAPTION: &str = "a person walks forward and turns around";
 
-/// How long motions take that are made side by side, decoding included.
+/// The time of a batch of motions, decoding included.
 #[derive(Serialize)]
 struct Timed {
     batch: usize,
     guidance: f64,
-    /// Of one motion: the median of the rounds, the shortest and the longest.
+    /// Seconds per motion: the median of the rounds, the shortest and the longest.
     seconds: f64,
     least: f64,
     most: f64,
@@ -105,7 +105,7 @@ fn timed(
     })
 }
 
-/// A line a batch and guidance.
+/// One line per batch and guidance.
 fn text(args: &GenerateArgs, run: &TrainedRun, seconds: f64, times: &[Timed]) -> String {
     let row = |timed: &Timed| {
         let Timed { batch, guidance, seconds, least, most, .. } = timed;

@@ -1,13 +1,13 @@
-//! [`Design`]: a grid round where the optimum is expected.
+//! [`Design`]: a grid around the expected optimum.
 
 use crate::commands::prelude::*;
 use crate::commands::sizes;
 
 /// Budgets of a study, each twice the one before.
 const BUDGETS: i32 = 5;
-/// Factor round the expected N_nv within which sizes are tried at a budget.
+/// Sizes of a budget lie within this factor of the expected N_nv.
 const SIZES_WITHIN: f64 = 4.5;
-/// The same of V over all budgets.
+/// Vocabularies lie within this factor of the expected V, over all budgets.
 const VOCAB_WITHIN: f64 = 3.0;
 /// Layers: one depth, so that sizes differ in width alone.
 const LAYERS: usize = 2;
@@ -28,17 +28,17 @@ pub struct Design {
     pub budgets: Vec<f64>,
     pub widths: Vec<usize>,
     pub vocab: Vec<usize>,
-    /// Cells far from what is expected, as conditions.
+    /// Conditions that leave out cells far from the expected optimum.
     pub exclude: Vec<String>,
     pub seeds: Vec<u64>,
-    /// Of each vocabulary's tokenizer.
+    /// Seeds of each vocabulary's tokenizer.
     pub tokenizer_seeds: Vec<u64>,
 }
 
 impl Design {
-    /// Budgets up to `largest`, and round each the sizes and vocabularies that may be best.
+    /// Budgets up to `largest`, each with the sizes and vocabularies that may be optimal.
     ///
-    /// `unique_tokens` of the data bound the vocabulary: a code should be met twenty times.
+    /// `unique_tokens` bounds the vocabulary: a code should occur twenty times in the data.
     pub fn up_to(largest: f64, unique_tokens: Option<usize>) -> Self {
         let budgets: Vec<f64> =
             (0..BUDGETS).rev().map(|halvings| rounded(largest / 2f64.powi(halvings))).collect();
@@ -68,7 +68,7 @@ impl Design {
         Self { exclude, widths, vocab, budgets, seeds: vec![0], tokenizer_seeds: vec![0] }
     }
 
-    /// The same with so many seeds of each run, and of each tokenizer.
+    /// The design with other numbers of seeds of each run, and of each tokenizer.
     pub fn with_seeds(self, [runs, tokenizers]: [u64; 2]) -> Self {
         let (seeds, tokenizer_seeds) = ((0..runs).collect(), (0..tokenizers).collect());
         Self { seeds, tokenizer_seeds, ..self }
@@ -94,7 +94,7 @@ fn heads(width: usize) -> usize {
     (width.div_ceil(128)..).find(is_good).unwrap_or(1)
 }
 
-/// Where the optimum of a budget is looked for.
+/// The expected optimum of a budget.
 struct Expected {
     params_nonvocab: f64,
     n_vocab: f64,
@@ -125,23 +125,23 @@ impl Expected {
     }
 }
 
-/// A budget as a sweep file has it, of two digits.
+/// A budget in a sweep file, with two digits.
 pub fn written(flops: f64) -> String {
     format!("{:e}", rounded(flops))
 }
 
-/// Two digits.
+/// Rounds to two digits.
 fn rounded(x: f64) -> f64 {
     format!("{x:.1e}").parse().unwrap_or(x)
 }
 
-// The sweep file, with comments for whoever changes it.
+// The sweep file with comments.
 
 /// A sweep file.
 pub fn text(name: &str, data: Option<&Path>, design: &Design) -> String {
     let data = match data {
         Some(path) => format!(
-            "data:\n  source: humanml3d\n  path: {:?}\n  mirror: true      # every training clip left-right too\n",
+            "data:\n  source: humanml3d\n  path: {:?}\n  mirror: true      # also train on each clip mirrored left-right\n",
             path.display().to_string()
         ),
         None => "# The built-in motion; for your own: {source: humanml3d, path: data/mine}\n\
@@ -163,22 +163,24 @@ pub fn text(name: &str, data: Option<&Path>, design: &Design) -> String {
     let lines: String = design.exclude.iter().map(|line| format!("    - {line}\n")).collect();
     let exclude = match &lines[..] {
         "" => String::new(),
-        _ => format!("  # At each budget the sizes near its optimum alone.\n  exclude:\n{lines}"),
+        _ => format!(
+            "  # At each budget, keep only the sizes near its optimum.\n  exclude:\n{lines}"
+        ),
     };
     let models = design.models();
     format!(
         "# Sized by `isoflop init`. `isoflop plan` prices it, `isoflop run` trains it and fits the laws; every key is in\n\
-         # docs/sweep-file.md, and `isoflop schema` gives editors what they check it by.\n\
+         # docs/sweep-file.md, and `isoflop schema` prints the schema for editors.\n\
          name: {name}\n\
-         seeds: [{seeds}]      # more seeds tell the noise of runs from the curve of the loss\n\
+         seeds: [{seeds}]      # several seeds measure the noise of runs\n\
          {data}\
          # Captions as hashed n-grams; t5, clip, bert or llama read local weights.\n\
          text: {{encoder: hashed-ngrams, dim: 64, max_tokens: 32}}\n\
-         # A tokenizer a vocabulary; `isoflop tokenizer eval` compares them with k-means.\n\
+         # One tokenizer per vocabulary; `isoflop tokenizer eval` compares them with k-means.\n\
          tokenizer: {{kind: patch, steps: 800{of_tokenizers}}}\n\
          # autoregressive, scalewise or masked; a list makes it an axis of the grid.\n\
          generator: autoregressive\n\
-         grid:\n  # One depth and sizes a factor of 1.6 apart at most: a gap or a change of depth puts a minimum in doubt.\n  \
+         grid:\n  # One depth, and sizes at most a factor 1.6 apart: minima at a gap or a change of depth are flagged.\n  \
          models:\n{models}  vocab: [{vocab}]\n  budgets: [{budgets}]\n{exclude}\
          train:\n  schedule: {{kind: wsd, warmup: 0.1}}\n\
          fit: {{minima: [parabola, argmin, cubic, surface], hold_out: largest-budget, bootstrap: 1000}}\n\

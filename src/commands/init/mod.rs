@@ -1,4 +1,4 @@
-//! `isoflop init`: a sweep file for one's data, sized to a time.
+//! `isoflop init`: writes a sweep file for the user's data, sized to a time.
 
 mod design;
 use super::args::number;
@@ -15,7 +15,7 @@ use isoflop::units::quoted;
 
 #[derive(Args)]
 pub struct InitArgs {
-    /// The sweep file to write, as study.yaml
+    /// The sweep file to write, e.g. study.yaml
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// A data set in the HumanML3D layout; by default the procedural motion
@@ -26,7 +26,7 @@ pub struct InitArgs {
     hours: f64,
     #[command(flatten)]
     work: WorkArgs,
-    /// Write over a file that is there
+    /// Overwrite an existing file
     #[arg(long)]
     overwrite: bool,
 }
@@ -36,7 +36,7 @@ fn hours(text: &str) -> Result<f64, String> {
     number(text, |hours| hours > 0.0 && hours <= 10_000.0, what)
 }
 
-/// Times that the expected optimum of the largest budget may see the data.
+/// Most passes over the data at the expected optimum of the largest budget.
 const EPOCHS: f64 = 4.0;
 
 pub fn init(args: &InitArgs, output: &Output) -> Result<Exit> {
@@ -50,14 +50,14 @@ pub fn init(args: &InitArgs, output: &Output) -> Result<Exit> {
     desk.warnings(&offer, fresh_hours)?.iter().for_each(|line| output.warn(line));
     let Offer { hours, runs, .. } = offer;
     let Design { budgets, widths, vocab, seeds, tokenizer_seeds, .. } = &offer.design;
-    let bound_by = "larger budgets would take longer: --hours";
+    let bound_by = "larger budgets take longer: raise --hours";
     let document = json!({
         "file": args.file, "hours": hours, "runs": runs, "budgets": budgets, "d_model": widths,
         "vocab": vocab, "seeds": seeds, "tokenizer_seeds": tokenizer_seeds, "bound_by": bound_by,
     });
     let file = quoted(&args.file.display().to_string());
     let said = format!(
-        "{}: {runs} runs, about {} by a probe of this machine\n{bound_by}\nnext     isoflop run {file}",
+        "{}: {runs} runs, about {} by a timing of this machine\n{bound_by}\nnext     isoflop run {file}",
         args.file.display(),
         duration(hours),
     );
@@ -73,11 +73,11 @@ fn unique_tokens(facts: &DataFacts) -> usize {
     facts.train_frames() / 4
 }
 
-/// What sweeps are sized with.
+/// The inputs of sizing a sweep.
 struct Desk<'a> {
     args: &'a InitArgs,
     name: String,
-    /// Those of the data set; `None` for the procedural motion, which has no end.
+    /// Codes of the data set; `None` for the procedural motion, which is unlimited.
     facts: Option<DataFacts>,
 }
 
@@ -99,13 +99,13 @@ impl<'a> Desk<'a> {
         design::text(&self.name, self.args.data.as_deref(), design)
     }
 
-    /// How often the expected optimum of the largest budget sees the data; `None` where they have no end.
+    /// Passes over the data at the expected optimum of the largest budget; `None` if the data are unlimited.
     fn epochs(&self, design: &Design) -> Option<f64> {
         let facts = self.facts.as_ref()?;
         Some(design.most_tokens() / unique_tokens(facts) as f64)
     }
 
-    /// What a person should know of an offer before it is run.
+    /// Warnings about an offer.
     fn warnings(&self, offer: &Offer, fresh_hours: Option<f64>) -> Result<Vec<String>> {
         let sweep = sweep::parse("init", &self.text(&offer.design), &[])?;
         let facts = self.facts.clone().unwrap_or_else(|| DataFacts::absent(String::new()));
@@ -122,7 +122,7 @@ impl<'a> Desk<'a> {
         }
         if offer.hours > self.args.hours {
             let time = duration(offer.hours);
-            warnings.push(format!("the smallest sweep that bears laws takes about {time}"));
+            warnings.push(format!("the smallest sweep that gives laws takes about {time}"));
         }
         Ok(warnings)
     }
@@ -143,7 +143,7 @@ impl<'a> Desk<'a> {
         Ok((offer, fresh_hours))
     }
 
-    /// How fast this machine trains the models that may be in a sweep, small and large.
+    /// The speed of this machine on the smallest and largest models of a sweep.
     fn speed(&self, slots: usize) -> Result<Speed> {
         let plan = |budget: f64| plan(&self.text(&Design::up_to(budget, None)));
         let plans = PROBED.into_iter().map(plan).collect::<Result<Vec<_>>>()?;
@@ -152,12 +152,12 @@ impl<'a> Desk<'a> {
     }
 }
 
-/// Sizes that are measured: they reach further than those of a plan.
+/// Sizes that are measured: a wider range than in a plan.
 const PROBES: usize = 10;
 /// Largest budgets of the sweeps whose models are probed.
 const PROBED: [f64; 3] = [LEAST, 1e12, 1e14];
 
-/// A sweep's plan. What it costs does not depend on its data.
+/// A sweep's plan; its cost does not depend on the data.
 fn plan(text: &str) -> Result<Plan> {
     let sweep = sweep::parse("init", text, &[])?;
     Ok(Plan::new(&sweep, DataFacts::absent(String::new())))
@@ -202,10 +202,10 @@ struct Offer {
     pub runs: usize,
 }
 
-/// What sweeps are made of and measured by.
+/// The settings and speeds for sweeps.
 struct Terms<'a> {
     pub hours: f64,
-    /// Codes of the training split; `None` where they have no end.
+    /// Codes of the training split; `None` if they have no end.
     pub unique_tokens: Option<usize>,
     /// Hours and runs.
     pub price: &'a dyn Fn(&Design) -> Result<(f64, usize)>,

@@ -1,4 +1,4 @@
-//! What the scored runs of a sweep say: their table, their figure, and whether loss predicts quality.
+//! Scored runs of a sweep: their table, their figure, and whether loss predicts quality.
 
 use super::prelude::*;
 use isoflop::figures::{self, Format, draw_alone};
@@ -8,14 +8,14 @@ use isoflop::scores::{RankCorrelation, rank_correlation};
 use isoflop::spec::ScoresSpec;
 use std::collections::HashMap;
 
-/// What is said of scored runs.
+/// The results of scored runs.
 pub struct Scored {
     pub document: Value,
     pub text: String,
 }
 
 impl Scored {
-    /// Writes the table and the figure of those runs that are scored; `None` where none is.
+    /// Writes the table and the figure of scored runs; `None` if no run is scored.
     pub fn of(
         sweep: &Sweep,
         folder: &ResultsFolder,
@@ -51,26 +51,26 @@ impl Scored {
     }
 }
 
-// [`Ranks`]: whether runs are ordered alike by two measures.
+// [`Ranks`]: rank correlations of two measures.
 
-/// How far two measures order runs alike, of FID and of R@1; `None` below five runs.
+/// Rank correlation with FID and with R@1; `None` below five runs.
 struct Ranks {
-    /// The generator of the runs, or the evaluator that is the other measure.
+    /// The generator of the runs, or the other evaluator.
     of: String,
     fid: Option<RankCorrelation>,
     first: Option<RankCorrelation>,
 }
 
 impl Ranks {
-    /// Of the pairs of values that runs have by the name of a score.
+    /// From the pairs of values of each run, by the name of a score.
     fn new(of: &str, pairs: impl Fn(&str) -> Vec<(f64, f64)>) -> Self {
         let [fid, first] = ["fid", "r_precision_1"].map(|name| rank_correlation(&pairs(name)).ok());
         Self { of: of.to_string(), fid, first }
     }
 }
 
-/// How far the loss orders the runs of each generator as their motions do. Losses of different generators
-/// are not put beside one another: that of a masked one is a bound.
+/// Rank correlation of loss and scores within each generator. Losses of different generators are not compared: the
+/// loss of a masked one is a bound.
 fn loss_ranks(rows: &[Quality]) -> Vec<Ranks> {
     let mut by_generator: BTreeMap<&str, Vec<&Quality>> = BTreeMap::new();
     rows.iter().for_each(|row| by_generator.entry(row.generator()).or_default().push(row));
@@ -82,7 +82,7 @@ fn loss_ranks(rows: &[Quality]) -> Vec<Ranks> {
     by_generator.into_iter().map(ranks).collect()
 }
 
-/// How far each other evaluator that scored five of the runs or more orders them as the sweep's does.
+/// Rank correlation of the sweep's evaluator with each other one that scored five runs or more.
 fn agreements(own: &[Quality], by_others: &[Vec<Quality>]) -> Vec<Ranks> {
     let with = |others: &Vec<Quality>| {
         let id = |row: &Quality| row.run.planned.run_id.clone();
@@ -96,7 +96,7 @@ fn agreements(own: &[Quality], by_others: &[Vec<Quality>]) -> Vec<Ranks> {
     by_others.iter().filter_map(with).collect()
 }
 
-// What a person reads of scored runs: a screen.
+// Scored runs as text.
 
 /// Runs, and budgets, that are listed, at most.
 const LISTED: usize = 12;
@@ -131,7 +131,7 @@ fn text(
     text + &format!("comparable only with scores of the same evaluator, {evaluator}")
 }
 
-/// A law, and what becomes of it as budgets are left out, one at a time.
+/// A law, and its range as budgets are left out one at a time.
 fn of_law(law: &FidLaw) -> String {
     let FidLaw { generator, reference_flops, curve, floor_range, exponent_range, budgets } = law;
     let Curve { floor, coefficient, exponent } = curve;
@@ -143,7 +143,7 @@ fn of_law(law: &FidLaw) -> String {
     )
 }
 
-/// Whether runs are ordered alike by what the title says, one after another; nothing of generators that have too few.
+/// A table of rank correlations under a title; without generators that have too few runs.
 fn of_ranks(title: &str, all: &[Ranks]) -> String {
     let known: Vec<&Ranks> = all.iter().filter(|own| own.fid.is_some()).collect();
     if known.is_empty() {
@@ -178,12 +178,12 @@ fn with_interval(row: &Quality, name: &str, digits: usize) -> String {
     dash(score, |score| score.shown(digits))
 }
 
-// How the best FID of a generator falls with compute.
+// The law of the best FID of a generator in compute.
 
-/// Budgets that a law with three numbers needs at least, so that one is left to misfit.
+/// Least number of budgets: one more than the law's three numbers.
 const LEAST_BUDGETS: usize = 4;
 
-/// FID = floor + coefficient (C / C0)^−exponent, and how far it hangs on single budgets.
+/// FID = floor + coefficient (C / C0)^−exponent, and its dependence on single budgets.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct FidLaw {
     pub generator: String,
@@ -193,7 +193,7 @@ struct FidLaw {
     pub curve: Curve,
     /// Least and largest floor of the laws that leave one budget out.
     pub floor_range: [f64; 2],
-    /// The same of the exponent.
+    /// Least and largest exponent of these laws.
     pub exponent_range: [f64; 2],
     pub budgets: usize,
 }
@@ -201,13 +201,13 @@ struct FidLaw {
 /// The three numbers of a law.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 struct Curve {
-    /// No distance is below 0, so that neither is the floor.
+    /// A distance is never below 0, so neither is the floor.
     pub floor: f64,
     pub coefficient: f64,
     pub exponent: f64,
 }
 
-/// Of each generator that has four budgets or more and whose best FID falls with C.
+/// The law of each generator with at least four budgets whose best FID falls with C.
 fn fid_laws(best: &[Best]) -> Vec<FidLaw> {
     let mut by_generator: BTreeMap<&str, Vec<(f64, f64)>> = BTreeMap::new();
     for best in best {
@@ -244,7 +244,7 @@ impl FidLaw {
 }
 
 impl Curve {
-    /// By least squares; where that puts the floor below 0 or shows none, the power law without a floor.
+    /// Least squares; the power law without a floor if the floor would be below 0 or is not seen.
     fn of(points: &[(f64, f64)], reference: f64) -> Option<Self> {
         let (compute, fid): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
         if let Some(law) =
@@ -266,7 +266,7 @@ impl Curve {
     }
 }
 
-// The best run of each budget, by loss and by the motions that it makes.
+// The best run of each budget, by loss and by scores.
 
 /// The best runs of a generator at a budget.
 #[derive(Clone, Debug, Serialize)]
@@ -286,13 +286,13 @@ struct Cell {
     pub fid: f64,
 }
 
-/// Of each generator and budget, by generator, then budget.
+/// The best runs of each generator and budget, sorted by both.
 fn best(rows: &[Quality]) -> Vec<Best> {
     let mut cells: BTreeMap<(&str, u64), Vec<Cell>> = BTreeMap::new();
     for row in rows {
         let budget = row.run.planned.budget_flops;
         if let Some(cell) = Cell::of(row) {
-            // Budgets are positive: their bits are ordered as they are.
+            // Positive numbers are ordered like their bits.
             cells.entry((row.generator(), budget.to_bits())).or_default().push(cell);
         }
     }
@@ -322,15 +322,14 @@ impl Cell {
 
 // Scored runs, by the evaluator that scored them.
 
-/// Runs of a folder that are scored as the sweep says: by the sweep's evaluator, the best FID first, and by each
-/// evaluator that it had before.
+/// Scored runs of a folder, the best FID first: by the sweep's evaluator, and by each earlier one.
 fn scored_rows(
     sweep: &Sweep,
     folder: &ResultsFolder,
     records: &[RunRecord],
     output: &Output,
 ) -> Result<(Vec<Quality>, Vec<Vec<Quality>>)> {
-    // Scores by settings that the sweep had before lie there too.
+    // The folder also has scores under earlier settings.
     let wanted = sweep.scores.as_ref().map(ScoresSpec::of_a_run);
     let by_id: BTreeMap<&str, &RunRecord> =
         records.iter().map(|record| (record.planned.run_id.as_str(), record)).collect();

@@ -1,4 +1,4 @@
-//! A sweep's missing jobs, brought to their end by an engine.
+//! Runs the missing jobs of a sweep on an engine.
 
 use super::command_line::{CommandLine, RunArgs};
 use super::summary::Summary;
@@ -19,10 +19,10 @@ use std::fs;
 use std::io::ErrorKind;
 use std::ops::ControlFlow;
 
-/// Brings the missing jobs that are wanted, and what they need, to their end. Where that is all there
-/// is to do, it has told of them, and breaks off with how to exit.
+/// Runs the missing jobs that are wanted, and their dependencies. Breaks with the exit code if nothing is left to
+/// do afterwards; then it has reported them.
 ///
-/// The folder is taken into `held`, unless it is there: whoever has that may write to the folder.
+/// Locks the folder into `held`, unless `held` has it already: only the holder may write to the folder.
 pub fn bring<'a>(
     args: &RunArgs,
     open: &'a OpenSweep,
@@ -78,7 +78,7 @@ pub fn open(args: &RunArgs, output: &Output) -> Result<OpenSweep> {
     open.plan.warnings().iter().for_each(|line| output.warn(line));
     if open.plan.runs.is_empty() {
         let first = open.plan.dropped.first().map_or("none was left", |first| &first.reason);
-        bail!("every cell of the grid is dropped, the first since {first}");
+        bail!("every cell of the grid is dropped, the first because {first}");
     }
     Ok(open)
 }
@@ -104,7 +104,7 @@ pub fn hold(open: &OpenSweep, output: &Output) -> Result<Held> {
     Held::take(&open.folder, waiting).with_context(|| format!("cannot make the folder {root} mine"))
 }
 
-/// Tells why the jobs ended too early, if they did.
+/// Reports why the jobs ended too early, if they did.
 fn interruption(args: &RunArgs, summary: &Summary, output: &Output) -> Option<Exit> {
     let mut ends = summary.reports.iter().map(|report| &report.end);
     let halted = ends.clone().find_map(|end| match end {
@@ -127,13 +127,13 @@ fn interruption(args: &RunArgs, summary: &Summary, output: &Output) -> Option<Ex
         return None;
     }
     summary.failures(output);
-    output.note("interrupted; the same command goes on from here");
+    output.note("interrupted; the same command continues from here");
     Some(Exit::Interrupted)
 }
 
-// What `isoflop run` puts in order before it trains: the folder's files, and what is damaged.
+// Preparation of the folder before training: its files, and damaged results.
 
-/// Writes down what workers read: the resolved sweep, the plan, what each job is to make.
+/// Writes the files that workers read: the resolved sweep, the plan, the specification of each job.
 pub fn prepare(open: &OpenSweep, args: &RunArgs, output: &Output) -> Result<()> {
     let OpenSweep { sweep, plan, folder } = open;
     for place in [folder.root(), &folder.file("figures")] {
@@ -148,7 +148,7 @@ pub fn prepare(open: &OpenSweep, args: &RunArgs, output: &Output) -> Result<()> 
     forget_failures(args, plan, folder)
 }
 
-/// Files of all runs together. Without `plan.json`, which goes last, nothing tells whose laws the others are.
+/// The files about all runs. `plan.json` is moved last: without it the laws cannot be assigned to a sweep.
 const OF_ALL_RUNS: [&str; 8] = [
     "sweep.yaml",
     "runs.parquet",
@@ -160,8 +160,8 @@ const OF_ALL_RUNS: [&str; 8] = [
     "plan.json",
 ];
 
-/// Laws of finished runs that this sweep does not have, as those of another grid under the same name, are kept in a
-/// folder of their own, with table, figures and sweep; the runs stay where they are.
+/// If the laws rest on runs that this sweep does not have (another grid under the same name), keeps them in a
+/// separate folder with table, figures and sweep; the runs stay where they are.
 fn keep_former(plan: &Plan, folder: &ResultsFolder, output: &Output) -> Result<()> {
     let has_laws = folder.file("laws.json").exists() || folder.generators().exists();
     let former = planned_runs(folder).ok().flatten().filter(|_| has_laws).unwrap_or_default();
@@ -193,7 +193,7 @@ fn keep_former(plan: &Plan, folder: &ResultsFolder, output: &Output) -> Result<(
     Ok(())
 }
 
-/// Results that cannot be read are set aside, so that they are made again; each is a warning.
+/// Sets unreadable results aside, so that they are made again; each is a warning.
 fn mend(plan: &Plan, folder: &ResultsFolder, output: &Output) -> Result<()> {
     let jobs: Vec<Job> = all_jobs(plan).collect();
     let damaged = |job: &Job| match folder.inspect(&job.id) {
@@ -207,7 +207,7 @@ fn mend(plan: &Plan, folder: &ResultsFolder, output: &Output) -> Result<()> {
     Ok(())
 }
 
-/// Takes back the failures that should be tried again.
+/// Deletes the failures to retry.
 fn forget_failures(args: &RunArgs, plan: &Plan, folder: &ResultsFolder) -> Result<()> {
     if !args.options.retry_failed && args.options.retry.is_empty() {
         return Ok(());
@@ -223,7 +223,7 @@ fn forget_failures(args: &RunArgs, plan: &Plan, folder: &ResultsFolder) -> Resul
     Ok(())
 }
 
-/// The jobs of these ids and all that they need; each stands after what it needs.
+/// The jobs of these ids and their dependencies, in order of dependency.
 fn of_ids<'a>(jobs: &'a [Job], ids: &[String]) -> Result<HashSet<&'a JobId>> {
     if let Some(id) = ids.iter().find(|id| jobs.iter().all(|job| job.id.id != **id)) {
         bail!(

@@ -1,5 +1,5 @@
-//! The command line of `isoflop run`, as it is typed ([`RunArgs`]), and as the folder that it made keeps it, so that it
-//! can be said again ([`CommandLine`]).
+//! The command line of `isoflop run`: its arguments ([`RunArgs`]), and its copy in the sweep's folder, to be shown
+//! again ([`CommandLine`]).
 
 use crate::commands::args::share;
 use crate::commands::context::{SweepArgs, a_track, an_engine};
@@ -7,7 +7,7 @@ use crate::commands::prelude::*;
 use isoflop::engine::{ENGINES, Engine, Preview, Track};
 use isoflop::units::{parse_bytes, quoted};
 
-/// Width of a terminal that shows a command whole.
+/// Width at which commands are broken into lines.
 const WIDTH: usize = 80;
 
 #[derive(Args)]
@@ -19,7 +19,7 @@ pub struct RunArgs {
     pub engine: &'static dyn Engine,
     #[command(flatten)]
     pub options: RunOptions,
-    /// The command in whose name it runs, and options that are that command's own
+    /// The command shown to the user, and its own options
     #[arg(skip = vec!["run".to_string()])]
     pub said_as: Vec<String>,
 }
@@ -27,7 +27,7 @@ pub struct RunArgs {
 /// How a sweep is run.
 #[derive(Args, Default)]
 pub struct RunOptions {
-    /// A file with keys of the engine's section, which override those of the sweep
+    /// A file of engine settings, which override the sweep's `engine` section
     #[arg(long, value_name = "FILE")]
     pub profile: Option<PathBuf>,
     /// Print what would be submitted; submit and change nothing
@@ -39,21 +39,20 @@ pub struct RunOptions {
     /// Stop at the first failure
     #[arg(long)]
     pub fail_fast: bool,
-    /// Try again what failed before
+    /// Retry failed jobs
     #[arg(long)]
     pub retry_failed: bool,
-    /// Try this job again, with the jobs it needs, by the id of its folder; may be repeated
+    /// Retry the job with this id (the name of its folder) and its dependencies; may be repeated
     #[arg(long, value_name = "ID")]
     pub retry: Vec<String>,
-    /// Train the grid a part at a time, at most K parts, each chosen to sharpen the prediction most for
-    /// its FLOPs
+    /// Train the grid in at most K parts, each chosen to narrow the prediction most per FLOP
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u16).range(1..))]
     pub rounds: Option<u16>,
-    /// End the rounds where half the 95 % interval of L_u at the largest of predict.budgets is at most
-    /// this share of L_u, as 0.02
+    /// End the rounds once half the 95 % interval of L_u at the largest of predict.budgets is at most
+    /// this fraction of L_u, e.g. 0.02
     #[arg(long, value_name = "WIDTH", requires = "rounds", value_parser = share)]
     pub until: Option<f64>,
-    /// Memory for all jobs together, as in 8GB; by default all that is free at the start
+    /// Memory for all jobs together, e.g. 8GB; by default all memory free at the start
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     pub memory: Option<u64>,
     /// Follow training in an experiment tracker
@@ -62,15 +61,15 @@ pub struct RunOptions {
 }
 
 impl RunArgs {
-    /// All that is missing of a sweep, on an engine.
+    /// Runs all missing jobs of a sweep on an engine.
     pub fn of(sweep: SweepArgs, engine: &'static dyn Engine) -> Self {
         Self { sweep, engine, options: RunOptions::default(), said_as: vec!["run".to_string()] }
     }
 
-    /// Whether the engine has what is asked of it.
+    /// Refuses options that the engine does not support.
     ///
     /// # Errors
-    /// A sentence that names the engines that have.
+    /// A sentence that names the engines that support the option.
     pub fn check_engine(&self) -> Result<()> {
         let asked = [
             ("--dry-run", self.options.dry_run),
@@ -88,10 +87,10 @@ impl RunArgs {
         )
     }
 
-    /// Whether what trains the runs can tell the tracker of them.
+    /// Refuses a tracker that the trainer does not support.
     ///
     /// # Errors
-    /// A sentence that says what can.
+    /// A sentence that names the trainer that does.
     pub fn check_track(&self, sweep: &Sweep) -> Result<()> {
         match self.options.track {
             Some(track @ (Track::Wandb | Track::Mlflow)) if sweep.trainer.is_none() => bail!(
@@ -102,14 +101,14 @@ impl RunArgs {
         }
     }
 
-    /// What is only to be shown.
+    /// Output that changes nothing.
     pub fn preview(&self) -> Option<Preview> {
         let dry_run = self.options.dry_run.then_some(Preview::DryRun);
         dry_run.or_else(|| self.options.check.then_some(Preview::Check))
     }
 }
 
-/// A command and the directory that it was given in.
+/// A command and its working directory.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CommandLine {
     directory: PathBuf,
@@ -117,7 +116,7 @@ pub struct CommandLine {
 }
 
 impl CommandLine {
-    /// The command as it was given, without what says how to treat failures.
+    /// The command as typed, without options about failures.
     pub fn of(args: &RunArgs) -> Result<Self> {
         let SweepArgs { sweep, settings, out, work } = &args.sweep;
         let [command, own @ ..] = &args.said_as[..] else { bail!("a command has a name") };
@@ -143,12 +142,12 @@ impl CommandLine {
         Ok(Self { directory, words })
     }
 
-    /// Keeps it in the folder of the sweep that it runs.
+    /// Writes it to the folder of its sweep.
     pub fn write(&self, folder: &ResultsFolder) -> Result<()> {
         Ok(atomic::write_json(&folder.file("command.json"), self)?)
     }
 
-    /// The command that a folder came from; the resolved sweep in it if none was kept whole.
+    /// The command that made a folder; if it was not kept, a run of the folder's resolved sweep.
     pub fn read(folder: &ResultsFolder) -> Result<Self> {
         if let Ok(Some(kept)) = read_if_there(&folder.file("command.json")) {
             return Ok(kept);
@@ -161,7 +160,7 @@ impl CommandLine {
         Ok(Self { directory, words })
     }
 
-    /// The command with more options, as a shell reads it: from the same directory, or from `here`.
+    /// The command with further options, quoted for a shell, to be run in the same directory or from `here`.
     pub fn said(&self, here: Option<&Path>, more: &[&str]) -> String {
         let words = self.words.iter().map(String::as_str).chain(more.iter().copied());
         let command = words.map(quoted).collect::<Vec<_>>().join(" ");
@@ -171,7 +170,7 @@ impl CommandLine {
         }
     }
 
-    /// A command over as many lines as it needs, which a shell still reads as one, after a head on its first line.
+    /// A command broken into lines that a shell joins, after a head on its first line.
     pub fn broken(head: &str, command: &str) -> String {
         let mut out = String::new();
         let mut width = head.chars().count();
@@ -191,7 +190,7 @@ impl CommandLine {
     }
 }
 
-/// The words of a command; spaces between quotes part nothing.
+/// The words of a command; spaces within quotes do not split.
 fn split_quoted(command: &str) -> Vec<&str> {
     let mut inside = false;
     let parts_here = |c: char| {

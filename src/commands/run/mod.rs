@@ -1,4 +1,4 @@
-//! `isoflop run`: what is missing of a sweep, then laws, figures and predictions.
+//! `isoflop run`: runs the missing jobs of a sweep, then makes laws, figures and predictions.
 
 mod bring;
 mod command_line;
@@ -22,14 +22,14 @@ pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
         return run_in_rounds(args, most.into(), output);
     }
     carry_out(args, None, output, |summary| {
-        // Why there is nothing comes before all else.
+        // The reason for missing results comes first.
         let told = (!summary.has_results()).then(|| summary.tell(output));
         analyse::finish(&summary.open.folder, output)?;
         Ok(told.unwrap_or_else(|| summary.tell(output)))
     })
 }
 
-/// Does all that is missing and its table, then has `then` tell of it.
+/// Runs all missing jobs, writes the table, then calls `then` to report.
 pub fn run_then(
     args: &RunArgs,
     output: &Output,
@@ -43,7 +43,7 @@ pub fn run_then(
     })
 }
 
-/// Does only the jobs of a kind that needs no other; `then` tells of them.
+/// Runs only jobs of `kind` (which must have no dependencies), then calls `then` to report.
 pub fn run_only(
     args: &RunArgs,
     kind: JobKind,
@@ -61,7 +61,7 @@ pub fn run_only(
     })
 }
 
-/// Brings the missing jobs, or those of a kind, to their end, then has `then` tell of them.
+/// Runs the missing jobs, or those of one kind, then calls `then` to report.
 fn carry_out(
     args: &RunArgs,
     only: Option<JobKind>,
@@ -70,7 +70,7 @@ fn carry_out(
 ) -> Result<Exit> {
     args.check_engine()?;
     let open = open(args, output)?;
-    // Held to the end: another command tidies the folder up as soon as it has it.
+    // Locked to the end: another command cleans the folder as soon as it holds the lock.
     let mut held = None;
     let wanted = |job: &Job| only.is_none_or(|kind| job.id.kind == kind);
     match bring(args, &open, &mut held, wanted, output)? {

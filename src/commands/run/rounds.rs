@@ -1,4 +1,4 @@
-//! `isoflop run --rounds`: a part of the grid at a time, until a prediction is sharp enough.
+//! `isoflop run --rounds`: trains the grid in parts until a prediction is narrow enough.
 
 use super::bring::{bring, hold, open};
 use super::command_line::RunArgs;
@@ -15,9 +15,9 @@ use isoflop::record::{flops_per_second, table};
 use std::collections::HashSet;
 use std::ops::ControlFlow;
 
-/// Rounds of runs until the interval is as narrow as asked, the rounds are over or the grid is.
+/// Trains rounds of runs until the interval is narrow enough, or the rounds or the grid are finished.
 ///
-/// Each round is written down before it is trained, so that the same command goes on with it.
+/// Each round is saved before it is trained, so that the same command resumes it.
 pub fn run_in_rounds(args: &RunArgs, most: usize, output: &Output) -> Result<Exit> {
     if args.engine.hands_over() {
         bail!("--rounds waits for the runs of each round: use it with --engine local");
@@ -52,7 +52,7 @@ pub fn run_in_rounds(args: &RunArgs, most: usize, output: &Output) -> Result<Exi
     Ok(exit)
 }
 
-/// Whether there is a round to train: one that was begun before, or a new one.
+/// Whether there is a round to train: an unfinished one, or a new one.
 fn begin(
     args: &RunArgs,
     most: usize,
@@ -85,7 +85,7 @@ fn part(whole: &OpenSweep, history: &History) -> OpenSweep {
     }
 }
 
-/// The records of the runs that are trained; one that is damaged is trained again, and told of then.
+/// The records of trained runs; a damaged one is trained again, with a warning.
 fn finished(part: &OpenSweep) -> Vec<RunRecord> {
     let read = part.plan.runs.iter().map(|run| part.folder.record(&run.run_id));
     let mut records: Vec<RunRecord> = read.filter_map(|record| record.ok().flatten()).collect();
@@ -93,7 +93,7 @@ fn finished(part: &OpenSweep) -> Vec<RunRecord> {
     records
 }
 
-/// What the prediction is after a round.
+/// The prediction after a round.
 fn known(part: &OpenSweep, budget_flops: f64, output: &Output) -> AfterRound {
     let laws = || {
         let laws = fit_records(&finished(part), &options(&part.sweep))?;
@@ -114,7 +114,7 @@ fn known(part: &OpenSweep, budget_flops: f64, output: &Output) -> AfterRound {
     }
 }
 
-/// Why the rounds are over.
+/// Reports why the rounds ended.
 fn conclude(args: &RunArgs, plan: &Plan, history: &History, output: &Output) {
     let taken = format!(
         "{} rounds took {} of {} runs and {:.0} % of the grid's FLOPs",
@@ -131,9 +131,9 @@ fn conclude(args: &RunArgs, plan: &Plan, history: &History, output: &Output) {
     }
 }
 
-// What is said before and after a round.
+// Notes before and after a round.
 
-/// What a round is about to cost.
+/// The expected cost of a round.
 fn price(plan: &Plan, history: &History, records: Vec<RunRecord>) -> String {
     let (number, total) = (history.rounds.len(), plan.total_flops());
     let Some(round) = history.rounds.last() else { return String::new() };
@@ -148,7 +148,7 @@ fn price(plan: &Plan, history: &History, records: Vec<RunRecord>) -> String {
     )
 }
 
-/// What is known after a round.
+/// The prediction after a round, in a sentence.
 fn said(number: usize, known: &AfterRound) -> String {
     let (Some(loss), Some([low, high])) = (known.loss_normalised, known.loss_ci95) else {
         return format!("round {number}: no prediction yet");
@@ -161,10 +161,10 @@ fn said(number: usize, known: &AfterRound) -> String {
 
 // The runs of the next round, out of the grid's.
 
-/// The share of the grid's FLOPs that a round spends at least, where windows grow.
+/// The least fraction of the grid's FLOPs for a round, once windows grow.
 const SHARE: f64 = 0.03;
 
-/// The runs of the next round, by id, after `records` of those before; none where the grid is trained.
+/// The runs of the next round, by id, given the `records` of earlier ones; empty once the grid is trained.
 fn next(
     whole: &OpenSweep,
     records: &[RunRecord],
@@ -195,7 +195,7 @@ fn offer(plan: &Plan, run: &PlannedRun) -> OpenRun {
     }
 }
 
-// `rounds.json`: which runs each round took, and what was known after it.
+// `rounds.json`: the runs of each round, and the prediction after it.
 
 const FILE: &str = "rounds.json";
 
@@ -209,27 +209,27 @@ struct History {
 #[derive(Clone, Debug, Deserialize, Serialize)]
 struct Round {
     pub runs: Vec<String>,
-    /// What they cost, in FLOPs of their budgets.
+    /// Their cost, in FLOPs of their budgets.
     pub flops: f64,
-    /// After them; absent before they are trained.
+    /// The prediction after them; absent before they are trained.
     pub known: Option<AfterRound>,
 }
 
-/// The prediction that rounds sharpen.
+/// The prediction that rounds narrow.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 struct AfterRound {
     /// The budget that is predicted.
     pub budget_flops: f64,
-    /// L_u and its 95 % interval; absent where the runs tell no laws yet.
+    /// L_u and its 95 % interval; absent if there are no laws yet.
     pub loss_normalised: Option<f64>,
     pub loss_ci95: Option<[f64; 2]>,
-    /// Whether forecasts of the laws were tested by larger budgets of the sweep. Before that an
-    /// interval rests on the noise of the runs and on what is expected of any law.
+    /// Whether forecasts of the laws were tested on larger budgets of the sweep. Before that, an
+    /// interval rests on run noise and on the typical error of a law.
     pub is_tested: bool,
 }
 
 impl AfterRound {
-    /// Half the interval over the loss; none before it is tested.
+    /// Half the interval over the loss; `None` before the laws are tested.
     pub fn half_width(&self) -> Option<f64> {
         let ([low, high], loss) = (self.loss_ci95?, self.loss_normalised?);
         self.is_tested.then(|| 0.5 * (high - low) / loss.abs())
@@ -237,7 +237,7 @@ impl AfterRound {
 }
 
 impl History {
-    /// What a folder holds. Where it holds runs and no rounds, those runs are the first.
+    /// The rounds in a folder. If it has runs but no rounds, the runs are the first round.
     ///
     /// # Errors
     /// A damaged file, and rounds of another grid.
@@ -272,13 +272,13 @@ impl History {
         self.rounds.iter().flat_map(|round| &round.runs).map(String::as_str)
     }
 
-    /// Whether the last round is over and its interval as narrow as asked.
+    /// Whether the last round is finished and its interval narrow enough.
     pub fn is_met(&self, until: Option<f64>) -> bool {
         let width = self.rounds.last().and_then(|round| round.known?.half_width());
         until.zip(width).is_some_and(|(until, width)| width <= until)
     }
 
-    /// Whether a round is begun and not over.
+    /// Whether a round is unfinished.
     pub fn is_open(&self) -> bool {
         self.rounds.last().is_some_and(|round| round.known.is_none())
     }
@@ -289,7 +289,7 @@ impl History {
 }
 
 impl Round {
-    /// A round that is not over.
+    /// An unfinished round.
     pub fn of(runs: Vec<String>, plan: &Plan) -> Self {
         let own: HashSet<&str> = runs.iter().map(String::as_str).collect();
         let planned = plan.runs.iter().filter(|run| own.contains(run.run_id.as_str()));

@@ -1,4 +1,4 @@
-//! What `isoflop run` says of the jobs and runs that have no result.
+//! The summary of jobs and runs without a result.
 
 use super::command_line::CommandLine;
 use crate::commands::context::OpenSweep;
@@ -13,7 +13,7 @@ use std::hash::Hash;
 /// The last lines of a log that are shown.
 const LAST_LINES: usize = 3;
 
-/// What a summary is about.
+/// The input of a summary.
 pub struct Summary<'a> {
     pub open: &'a OpenSweep,
     pub reports: Vec<JobReport>,
@@ -30,7 +30,7 @@ impl Summary<'_> {
         self.open.plan.runs.iter().any(|run| self.state(run) == JobState::Done)
     }
 
-    /// Every failure, then every run without a record with its reason, and how to try again.
+    /// Every failure, then every run without a record with its reason, and the command to retry.
     pub fn tell(&self, output: &Output) -> Exit {
         self.failures(output);
         let done = |run: &PlannedRun| self.state(run) == JobState::Done;
@@ -64,7 +64,7 @@ impl Summary<'_> {
         Exit::SomeRunsFailed
     }
 
-    /// `1 failed, 5 not started`: what became of the runs without a result.
+    /// `1 failed, 5 not started`: the states of the runs without a result.
     fn counts(&self, lost: &[&PlannedRun]) -> String {
         let count = |state| lost.iter().filter(|run| self.state(run) == state).count();
         let counts = [
@@ -76,8 +76,8 @@ impl Summary<'_> {
         counts.map(|(n, what)| format!("{n} {what}")).collect::<Vec<_>>().join(", ")
     }
 
-    /// Each job that failed, with its kind, reason, last lines, log and the command to rerun it; those
-    /// that failed for one reason together, by the first of them.
+    /// Each failed job with its kind, reason, last lines, log and the command to rerun it; jobs with the same reason are
+    /// grouped under the first.
     pub fn failures(&self, output: &Output) {
         let failed = all_jobs(&self.open.plan).filter_map(|job| {
             let is_failed = self.open.folder.state(&job.id) == JobState::Failed;
@@ -100,7 +100,7 @@ impl Summary<'_> {
         }
     }
 
-    /// Why a run has no result whose failure was not told yet.
+    /// Why a run has no result, if no failure was reported.
     fn reason(&self, id: &str, needs: &HashMap<JobId, Vec<JobId>>) -> Option<String> {
         let run = JobId::run(id);
         if self.open.folder.state(&run) == JobState::Failed {
@@ -115,14 +115,14 @@ impl Summary<'_> {
         }
         let report = self.reports.iter().find(|report| report.job.id == run);
         Some(match report.map(|report| &report.end) {
-            Some(JobEnd::Stopped) => "it was stopped by the failure of another".to_string(),
+            Some(JobEnd::Stopped) => "the failure of another job stopped it".to_string(),
             Some(JobEnd::Done) | None => "its record is missing".to_string(),
             Some(end) => end.failure().map(|failure| failure.reason.clone()).unwrap_or_default(),
         })
     }
 }
 
-/// Values by what they have in common, both in the order in which they come.
+/// Groups values by a key, keeping the order of both.
 fn together<K: Eq + Hash + Clone, V>(values: impl Iterator<Item = (K, V)>) -> Vec<(K, Vec<V>)> {
     let mut places: HashMap<K, usize> = HashMap::new();
     let mut groups: Vec<(K, Vec<V>)> = Vec::new();
@@ -136,7 +136,7 @@ fn together<K: Eq + Hash + Clone, V>(values: impl Iterator<Item = (K, V)>) -> Ve
     groups
 }
 
-/// The first of several names, and how many there are besides.
+/// The first of several names, and the number of others.
 fn several(labels: &[String]) -> String {
     match labels {
         [] => String::new(),
@@ -145,7 +145,7 @@ fn several(labels: &[String]) -> String {
     }
 }
 
-/// What a job needs, and what those jobs need, in the order of their kinds.
+/// A job's dependencies, direct and indirect, in the order of their kinds.
 fn all_needs(needs: &HashMap<JobId, Vec<JobId>>, job: &JobId) -> Vec<JobId> {
     let mut all = Vec::new();
     let mut open: Vec<JobId> = needs.get(job).cloned().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! A forecast beside the runs that test it.
+//! Compares a forecast with the runs that test it.
 
 use crate::commands::fit::points;
 use crate::commands::prelude::*;
@@ -9,7 +9,7 @@ use isoflop::laws::{
 use isoflop::record::table as runs;
 use std::collections::BTreeSet;
 
-/// The forecast of some laws and the best cell of the validation's folder.
+/// The forecast of some laws, and the best cell of the validation's folder.
 pub fn compare(
     folder: &ResultsFolder,
     (laws, forecast): (&Laws, &Prediction),
@@ -17,7 +17,7 @@ pub fn compare(
 ) -> Result<Validated> {
     let records = runs::read(folder.root())?;
     let (points, left_out) = points(&records, rule);
-    // What cells scatter round a surface by is no less than the noise, and may be its misfit.
+    // The scatter of cells around a surface is the noise or more: it may include misfit.
     let is_of_runs = |noise: &RunNoise| !matches!(noise.source, NoiseSource::Surface { .. });
     let of_a_run = laws.noise.filter(is_of_runs).map(|noise| noise.sd);
     let measured =
@@ -38,7 +38,7 @@ pub fn compare(
     Ok(Validated::new(at, predicted, measured))
 }
 
-/// The mean cross-entropy of the best cell's runs, where all know it.
+/// The mean cross-entropy of the best cell's runs, if all have it.
 fn cross_entropy(records: &[RunRecord], points: &[IsoFlopPoint], best: &Measured) -> Option<f64> {
     let is_best = |point: &&IsoFlopPoint| {
         (point.params_nonvocab, point.n_vocab) == (best.params_nonvocab, best.n_vocab)
@@ -83,7 +83,7 @@ fn range(points: &[IsoFlopPoint], of: fn(&IsoFlopPoint) -> f64) -> [f64; 2] {
     [values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max)]
 }
 
-/// The comparison, a line a quantity.
+/// The comparison, one line per quantity.
 pub fn text(validated: &Validated) -> String {
     let Validated { predicted, measured, inside, .. } = validated;
     let Inside { loss, params_nonvocab, params_vocab, tokens } = *inside;
@@ -128,7 +128,7 @@ pub fn text(validated: &Validated) -> String {
     }
     if measured.optimum.is_some() {
         out += &format!(
-            "N_nv, N_v and D by parabolas between the cells;\nthe best cell has {:.3e}, {:.3e}, {:.3e}\n",
+            "N_nv, N_v and D measured by parabolas through the cells;\nthe best cell has {:.3e}, {:.3e}, {:.3e}\n",
             measured.params_nonvocab, measured.params_vocab, measured.tokens
         );
     }

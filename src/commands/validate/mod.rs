@@ -1,4 +1,4 @@
-//! `isoflop validate`: a forecast at a budget that took no part in the fit, and the runs that test it.
+//! `isoflop validate`: forecasts a budget beyond the fit, and trains the runs that test it.
 
 mod compare;
 
@@ -19,11 +19,11 @@ use isoflop::words::prediction::said;
 /// Shown below the options.
 const EXAMPLES: &str = "\
 Examples:
-  Write a forecast down before anybody runs it, then train the cells that test it
+  Register a forecast, then train the cells that test it
     isoflop validate results/NAME --budget 1e13 --register
     isoflop validate results/NAME --budget 1e13
 
-docs/validate.md tells which cells are trained, and what is said of them.";
+docs/validate.md explains which cells are trained and how to read the comparison.";
 
 #[derive(Args)]
 #[command(after_help = EXAMPLES)]
@@ -31,16 +31,16 @@ pub struct ValidateArgs {
     /// A sweep's folder
     #[arg(value_name = "RESULTS")]
     results: PathBuf,
-    /// The budget in FLOPs, as in 1e12
+    /// The budget in FLOPs, e.g. 1e12
     #[arg(long, value_name = "C", value_parser = budget)]
     budget: f64,
-    /// Write the forecast down, and train nothing yet
+    /// Register the forecast, and train nothing yet
     #[arg(long)]
     register: bool,
-    /// Seeds of each cell; by default those of the sweep
+    /// Seeds of each cell (model and vocabulary); by default the sweep's
     #[arg(long, value_name = "S,…", value_delimiter = ',')]
     seeds: Vec<u64>,
-    /// Override a setting of the runs, as in data.clips=400000; may be repeated
+    /// Override a setting of the runs, e.g. data.clips=400000; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     settings: Vec<String>,
     #[command(flatten)]
@@ -51,7 +51,7 @@ pub struct ValidateArgs {
 }
 
 pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
-    // The budget names all that is of the validation.
+    // The budget names every file of the validation.
     let name = format!("{:e}", args.budget);
     let sweep = sweep_of(&ResultsFolder::new(&args.results))?;
     if !sweep.grid.vary.is_empty() {
@@ -89,7 +89,7 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
     })
 }
 
-/// What the cells are about to cost, by the rate of the sweep's own runs.
+/// The expected cost of the cells, by the speed of the sweep's runs.
 fn price(args: &ValidateArgs, cells: usize) -> Result<String> {
     let flops = cells as f64 * args.budget;
     let rate = flops_per_second(table::read(&args.results)?);
@@ -111,7 +111,7 @@ fn root(args: &ValidateArgs) -> PathBuf {
 fn forecast(args: &ValidateArgs, name: &str, output: &Output) -> Result<Prediction> {
     let path = root(args).join(name).join("forecast.json");
     if let Some(forecast) = read_if_there::<Prediction>(&path)? {
-        output.note(&format!("the forecast of {} stands", path.display()));
+        output.note(&format!("the forecast in {} is used", path.display()));
         return Ok(forecast);
     }
     let forecast = predict_one(&laws_of(&args.results)?, args.budget)?;
@@ -121,16 +121,16 @@ fn forecast(args: &ValidateArgs, name: &str, output: &Output) -> Result<Predicti
 
 // The cells round a predicted optimum.
 
-/// The factors between the forecast's size, or vocabulary, and its neighbours where no interval is known.
+/// The factors between the forecast's size, or vocabulary, and its neighbours if no interval is known.
 const SIZE_STEP: f64 = 1.6;
 const VOCAB_STEP: f64 = 2.0;
-/// How far beyond the ends of an interval the outermost cells lie: a forecast that is wrong by so much fails.
+/// Factor between the end of an interval and the outermost cell: a forecast that is wrong by so much fails.
 const BEYOND: f64 = 2.0;
-/// How far from the forecast they lie at most: cells farther apart tell no valley.
+/// Largest factor between the forecast and a cell: a wider valley cannot be resolved.
 const FARTHEST: f64 = 8.0;
 
-/// The sweep of a forecast's configuration, of sizes within and beyond its interval, and of vocabularies:
-/// trained as the sweep's own runs are, with more data where it is made on demand.
+/// The sweep around a forecast: sizes and vocabularies within and beyond its intervals, trained like the sweep's
+/// runs, with more data if it is made on demand.
 fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -> Result<Sweep> {
     let (Some(size), Some(vocab)) = (forecast.at.params_nonvocab, forecast.at.n_vocab) else {
         bail!("the laws of {} tell no vocabulary, so there is nothing to build", sweep.name);
@@ -139,7 +139,7 @@ fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -> Re
     let sizes: Vec<ModelEntry> =
         sizes.iter().map(|size| model(sweep, *size)).collect::<Result<_>>()?;
     let vocabularies = match &sweep.grid.vocab[..] {
-        // One vocabulary is the trainer's own, or was chosen: the forecast is of no other.
+        // A single vocabulary is the trainer's own, or was chosen: the forecast is for this one.
         [only] => vec![only.clone(); 2 * MIDDLE + 1],
         _ => levels(vocab, forecast.ci95.at.n_vocab, VOCAB_STEP).map(|v| codes(v, sweep)).to_vec(),
     };
@@ -169,7 +169,7 @@ fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -> Re
     Ok(own)
 }
 
-/// The forecast's place among [`levels`].
+/// The index of the forecast among [`levels`].
 const MIDDLE: usize = 2;
 
 /// A value, two beyond the ends of its interval, and two halfway there in logarithms.
@@ -180,7 +180,7 @@ fn levels(value: f64, interval: Option<[f64; 2]>, step: f64) -> [f64; 5] {
     [low, (low * value).sqrt(), value, (value * high).sqrt(), high]
 }
 
-/// A cell lies on the cross through the middle: what is off it on both axes is left out.
+/// The condition that leaves out a cell off both axes of the cross through the middle.
 fn corners(model: &ModelEntry, vocabulary: &VocabSpec, sweep: &Sweep) -> Result<Vec<String>> {
     let (n_vocab, d_model) = (sweep.quantizer(vocabulary)?.n_vocab(), model.d_model);
     let sides = ["<", ">"];

@@ -25,7 +25,7 @@ impl<'a> Curve<'a> {
         Self { folder, job, file: None, problem: None }
     }
 
-    /// Writes the training loss of a step, and the tokens per second if they are told.
+    /// Writes the training loss of a step, and the tokens per second if given.
     pub fn beat(&mut self, beat: &Beat) {
         let mut scalars = vec![scalar("train/loss_nats", beat.step, beat.loss)];
         let speed = beat.tokens_per_s;
@@ -33,7 +33,7 @@ impl<'a> Curve<'a> {
         self.write(&scalars, Some(beat.step));
     }
 
-    /// Writes what a finished run measured: the validation curve, and L_u on the test split.
+    /// Writes the results of a finished run: the validation curve, and L_u on the test split.
     pub fn done(&mut self) {
         let text = read_text_if_there(&self.folder.job(&self.job.id).join("log.jsonl"));
         let text = text.ok().flatten().unwrap_or_default();
@@ -49,7 +49,7 @@ impl<'a> Curve<'a> {
         self.write(&scalars, None);
     }
 
-    /// Appends scalars; a file that is new then voids what was written of `first` and later steps before.
+    /// Appends scalars; a new file then invalidates earlier entries from step `first` on.
     fn write(&mut self, scalars: &[Scalar], first: Option<usize>) {
         let place = self.folder.file("tensorboard").join(name(self.job));
         if !scalars.is_empty()
@@ -83,7 +83,7 @@ fn name(job: &Job) -> String {
     format!("{label}-{}", &id[..id.len().min(6)])
 }
 
-/// A new file, whose name sorts behind those that are there: TensorBoard reads them in this order.
+/// A new file whose name sorts after existing ones, the order in which TensorBoard reads them.
 fn create(place: &Path) -> io::Result<File> {
     fs::create_dir_all(place)?;
     let mut second = now_s() as u64;

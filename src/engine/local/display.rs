@@ -1,4 +1,4 @@
-//! [`Display`]: a bar a slot and one for the whole on a terminal, plain lines elsewhere.
+//! [`Display`]: progress bars on a terminal, one per slot and one for the whole; plain lines elsewhere.
 
 use std::collections::HashMap;
 use std::io::{IsTerminal, Write};
@@ -14,7 +14,7 @@ use crate::progress::Beat;
 /// Shows how far a sweep is.
 pub struct Display {
     how: How,
-    /// Seconds to the end, as the folder tells.
+    /// Estimated seconds left, from the folder.
     time_left: TimeLeft,
     estimate: Mutex<Estimate>,
     /// FLOPs of all jobs.
@@ -32,7 +32,7 @@ struct Estimate {
     made: Option<(Instant, Duration)>,
 }
 
-/// Time between two estimates, at least; it is many times what making one takes.
+/// Least time between two estimates; many times the cost of one.
 const EVERY: Duration = Duration::from_secs(2);
 const TIMES: u32 = 50;
 
@@ -184,7 +184,7 @@ pub fn left(seconds: f64) -> String {
     }
 }
 
-/// A line on standard error; whether anybody still reads it is no concern of a sweep.
+/// Prints a line on standard error; a closed pipe is ignored.
 fn say(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }

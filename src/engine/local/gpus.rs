@@ -1,4 +1,4 @@
-//! [`Gpus`]: the GPUs of this machine, shared out among runs side by side.
+//! [`Gpus`]: divides the GPUs of this machine among parallel runs.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 
 use crate::sweep::Sweep;
 
-/// What programs read of the GPUs that they may use.
+/// The variable that tells programs their GPUs.
 pub const VISIBLE: &str = "CUDA_VISIBLE_DEVICES";
 
 /// Lists of GPUs, a slot each; a slot that is at work has taken its list.
@@ -22,11 +22,10 @@ pub struct Lent<'a> {
 }
 
 impl Gpus {
-    /// The GPUs that a sweep's trainer shares out, if it names any: those of `CUDA_VISIBLE_DEVICES`, where
-    /// this process has been told of its own.
+    /// The GPUs to divide, if the sweep's trainer names any: from `CUDA_VISIBLE_DEVICES`, if it is set for this process.
     ///
     /// # Errors
-    /// The sweep names more than those.
+    /// The sweep names more GPUs.
     pub fn of_sweep(sweep: &Sweep, slots: usize) -> Result<Option<Self>> {
         let Some(n) = sweep.trainer.as_ref().and_then(|trainer| trainer.gpus) else {
             return Ok(None);
@@ -38,7 +37,7 @@ impl Gpus {
         Ok(Some(Self::shared(&names[..n], slots)))
     }
 
-    /// The same of a task of a scheduler, which has told it of its GPUs: all of them are shared out.
+    /// The same for a task of a scheduler that sets its GPUs: all of them are divided.
     pub fn of_task(sweep: &Sweep, slots: usize) -> Option<Self> {
         sweep.trainer.as_ref().and_then(|trainer| trainer.gpus)?;
         Some(Self::shared(&visible()?, slots))
@@ -61,7 +60,7 @@ impl Gpus {
     }
 }
 
-/// The GPUs that this process has been told of.
+/// The GPUs set for this process.
 fn visible() -> Option<Vec<String>> {
     let told = std::env::var(VISIBLE).ok().filter(|list| !list.is_empty())?;
     Some(told.split(',').map(|name| name.trim().to_string()).collect())

@@ -1,4 +1,4 @@
-//! Slots of this machine: a worker process a job, watched to its end.
+//! Runs jobs on this machine: one watched worker process per job.
 
 mod curve;
 mod display;

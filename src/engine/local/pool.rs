@@ -1,4 +1,4 @@
-//! [`LocalPool`]: slots of this machine that take the next ready job until none is left.
+//! [`LocalPool`]: slots that take the next ready job until none is left.
 
 use super::display::Display;
 use super::timeline::Timeline;
@@ -23,16 +23,15 @@ pub struct LocalPool<'a> {
     /// Bytes that jobs may take together at their peaks; `None`: as much as they want. One job is
     /// started whatever it takes.
     pub memory_bytes: Option<u64>,
-    /// Where it is noted what ran when.
+    /// The record of job times.
     pub timeline: Option<&'a Timeline>,
 }
 
 impl LocalPool<'_> {
-    /// Brings jobs to their end, each after what it needs; returns how each ended.
+    /// Runs jobs, each after its dependencies; returns the end of each.
     ///
-    /// A job whose needs failed is not started and is reported as failed with that reason. Jobs not
-    /// started because of a stop are reported as stopped. A slot whose thread the system refuses stays
-    /// empty.
+    /// A job with a failed dependency is not started, and reported as failed for that reason. Jobs not started because of
+    /// a stop are reported as stopped. A slot without a thread from the system stays empty.
     pub fn execute(&self, jobs: Vec<Job>) -> Vec<JobReport> {
         let shared = Shared::new(jobs, self.memory_bytes);
         std::thread::scope(|scope| {
@@ -67,8 +66,7 @@ impl LocalPool<'_> {
         self.display.idle(slot);
     }
 
-    /// Starts a job, and again where its process died; `None` where that must wait until it can run
-    /// alone.
+    /// Runs a job, retrying if its process dies. `None` if it must be retried with nothing else running.
     fn attempt(&self, job: &Job, slot: usize, shared: &Shared) -> Option<JobEnd> {
         loop {
             let end = self.once(job, slot);
@@ -114,7 +112,7 @@ impl LocalPool<'_> {
         end
     }
 
-    /// What died too often has failed, unless not even that can be written down.
+    /// A job that died too often has failed, unless the failure cannot be written.
     fn give_up(&self, job: &Job, Failure { kind, reason, last_lines }: Failure) -> JobEnd {
         let how = match kind {
             FailureKind::OutOfMemory => "; nothing ran beside it the last time",
@@ -126,7 +124,7 @@ impl LocalPool<'_> {
     }
 }
 
-/// What a job is counted as that must run alone.
+/// The memory counted for a job that must run alone.
 const ALONE: u64 = u64::MAX;
 
 struct State {
@@ -179,7 +177,7 @@ impl Shared {
         }
     }
 
-    /// A job waits again, until nothing runs beside it.
+    /// Puts a job back until nothing else runs.
     fn put_back(&self, slot: usize, job: Job) {
         let mut state = self.lock();
         state.running.remove(&slot);
@@ -200,7 +198,7 @@ impl Shared {
         self.changed.notify_all();
     }
 
-    /// How often a job was tried, this time included.
+    /// The number of tries of a job, this one included.
     fn count_try(&self, job: &JobId) -> usize {
         let mut state = self.lock();
         let tries = state.tries.entry(job.clone()).or_default();
@@ -235,11 +233,11 @@ mod tests;
 #[derive(Debug, Default)]
 pub struct Waiting {
     jobs: Vec<Option<Job>>,
-    /// How many needs of each are open.
+    /// The number of open dependencies of each.
     open: Vec<usize>,
     needed_by: HashMap<JobId, Vec<usize>>,
     ready: BTreeSet<usize>,
-    /// How many others were let past each.
+    /// The number of jobs that overtook each.
     passed: Vec<usize>,
 }
 
@@ -292,7 +290,7 @@ impl Waiting {
         self.passed.push(0);
     }
 
-    /// What needs a job that is done now needs one less.
+    /// Marks a job as done for its dependents.
     pub fn is_there(&mut self, id: &JobId) {
         for index in self.needed_by.remove(id).unwrap_or_default() {
             self.open[index] -= 1;

@@ -1,4 +1,4 @@
-//! [`LocalProcesses`]: a worker process a job, watched to its end.
+//! [`LocalProcesses`]: one watched worker process per job.
 
 use super::curve::Curve;
 use super::gpus::{Gpus, VISIBLE};
@@ -9,6 +9,7 @@ use crate::jobs::worker::{FAILED, REFUSED_MEMORY, STOPPED, killed_by, last_lines
 use crate::jobs::{Job, JobKind, ResultsFolder, program};
 use crate::machine::Kills;
 use crate::progress::{Beat, Said, Stop};
+use nix::sys::signal::Signal;
 use std::fs::{self, OpenOptions};
 use std::io::{self, BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
@@ -59,14 +60,14 @@ impl Runner for LocalProcesses {
                 curve.done();
             }
             if let Some(problem) = curve.problem {
-                // The first of all is told.
+                // The first is reported.
                 let _ = self.untracked.set(problem);
             }
         }
         if let Some(gone) = end.failure().and_then(|_| self.gone()) {
             return gone;
         }
-        // What a worker that was killed could not say itself.
+        // The failure of a killed worker, which could not report it.
         if let JobEnd::Crashed(failure) | JobEnd::Halted(failure) = &mut end
             && failure.last_lines.is_empty()
         {
@@ -91,21 +92,21 @@ impl LocalProcesses {
         is_gone.then(|| JobEnd::of(Failure::new(FailureKind::FolderGone, sentence())))
     }
 
-    /// Where the losses of a run are written, or of a trunk, if TensorBoard is to follow them.
+    /// The TensorBoard file of a run or a trunk, if tracking is on.
     fn curve<'a>(&'a self, job: &'a Job) -> Option<Curve<'a>> {
         let is_written = self.track == Some(Track::Tensorboard);
         let is_training = matches!(job.id.kind, JobKind::Trunk | JobKind::Run);
         (is_written && is_training).then(|| Curve::new(&self.folder, job))
     }
 
-    /// The one sentence on what the tracker missed, if it missed something.
+    /// A single warning if the tracker missed something.
     pub fn untracked(&self) -> Option<String> {
         let problem = self.untracked.get()?;
         Some(format!("--track tensorboard: not all of the curves could be written: {problem}"))
     }
 }
 
-/// A worker at work, and what is known of it.
+/// A running worker.
 struct Attended<'a> {
     job: &'a Job,
     runner: &'a LocalProcesses,
@@ -114,13 +115,13 @@ struct Attended<'a> {
     said: mpsc::Receiver<Said>,
     /// Processes that the system had killed for memory when it began.
     kills: Kills,
-    /// What it said of its failure.
+    /// The failure that it reported.
     failure: Option<Failure>,
     last_beat: Option<Beat>,
 }
 
 impl<'a> Attended<'a> {
-    /// A worker, which sees the GPUs of this list alone where there is one.
+    /// Starts a worker, which sees only the given GPUs, if any.
     fn start(
         runner: &'a LocalProcesses,
         job: &'a Job,
@@ -157,8 +158,8 @@ impl<'a> Attended<'a> {
         Ok(Self { job, runner, place, child, said, kills, failure, last_beat })
     }
 
-    /// Follows a worker to its end. Its standard input is held open for as long as it should work:
-    /// when this process asks for a stop, or dies, the worker sees the end of it and stops.
+    /// Follows a worker to its end. Its standard input stays open as long as it should work: if this process asks for a
+    /// stop, or dies, the worker sees the end of it and stops.
     fn attend(mut self, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
         let mut watch = Watch::new(self.runner.hang, self.place.join("log.txt"));
         let grace = program::grace(&self.runner.folder, &self.job.id);
@@ -228,28 +229,34 @@ impl<'a> Attended<'a> {
             }
             // It was ended by this process, or did not listen yet.
             (None, None) if stop.is_raised() => JobEnd::Stopped,
-            (_, None) => JobEnd::of(self.death(status)),
+            (_, None) => JobEnd::of(death(status, &self.kills)),
         }
-    }
-
-    /// Why a worker died that said nothing.
-    fn death(&self, status: ExitStatus) -> Failure {
-        if status.code() == Some(REFUSED_MEMORY) {
-            return Failure::new(FailureKind::OutOfMemory, "the worker was refused memory");
-        }
-        let kind = killed_by(status.signal(), &self.kills).unwrap_or(FailureKind::Crashed);
-        let sentence = match kind {
-            FailureKind::OutOfMemory => {
-                "the system was out of memory and killed the worker".to_string()
-            }
-            FailureKind::Killed => format!("the worker was killed: {status}"),
-            _ => format!("the worker ended with {status}"),
-        };
-        Failure::new(kind, sentence)
     }
 }
 
-/// What a worker prints, as it comes; the channel closes when the worker ends.
+/// Why a worker died that said nothing; `kills` are those before it began.
+fn death(status: ExitStatus, kills: &Kills) -> Failure {
+    if status.code() == Some(REFUSED_MEMORY) {
+        return Failure::new(FailureKind::OutOfMemory, "the worker was refused memory");
+    }
+    let kind = match status.signal() {
+        Some(signal) if signal == Signal::SIGBUS as i32 => FailureKind::FilesChanged,
+        signal => killed_by(signal, kills).unwrap_or(FailureKind::Crashed),
+    };
+    let sentence = match kind {
+        FailureKind::OutOfMemory => {
+            "the system was out of memory and killed the worker".to_string()
+        }
+        FailureKind::Killed => format!("the worker was killed: {status}"),
+        FailureKind::FilesChanged => {
+            format!("a file was cut short while the worker read it, which ended it with {status}")
+        }
+        _ => format!("the worker ended with {status}"),
+    };
+    Failure::new(kind, sentence)
+}
+
+/// The output of a worker, line by line; the channel closes when the worker ends.
 fn read_words(child: &mut Child) -> io::Result<mpsc::Receiver<Said>> {
     let (sender, receiver) = mpsc::channel();
     let output = child.stdout.take().expect("stdout is piped");
@@ -265,12 +272,12 @@ fn read_words(child: &mut Child) -> io::Result<mpsc::Receiver<Said>> {
     Ok(receiver)
 }
 
-// Patience: how long a worker makes no progress ([`Watch`]), and takes to end ([`Leash`]).
+// Timeouts: for progress ([`Watch`]) and for ending ([`Leash`]).
 //
-// Time is counted in the looks of this process: while it is itself stopped (Ctrl-Z, a suspended
-// machine) none passes, so that nobody is blamed for it. No wall clock is read.
+// Time is counted in polls of this process: while it is stopped (Ctrl-Z, a suspended machine) no time passes, so no
+// worker is blamed. No wall clock is read.
 
-/// How often a waiting slot looks at its worker.
+/// Time between polls of a worker.
 const POLL: Duration = Duration::from_millis(50);
 /// A longer pause between two looks is one of this process, not of the worker.
 const LOOK: Duration = Duration::from_secs(1);
@@ -297,7 +304,7 @@ impl Patience {
     }
 }
 
-/// Whether a worker gets on: by what it says, or by what appears in its log.
+/// Detects progress of a worker, by its messages or by its log.
 struct Watch {
     hang: Option<Duration>,
     since: Patience,
@@ -306,7 +313,7 @@ struct Watch {
 }
 
 impl Watch {
-    /// Looks at a worker with this log; without a limit nothing hangs.
+    /// Watches a worker with this log; without a limit nothing counts as hung.
     fn new(hang: Option<Duration>, log: PathBuf) -> Self {
         let log_length = length(&log);
         Self { hang, since: Patience::new(), log, log_length }
@@ -315,7 +322,7 @@ impl Watch {
     /// The limit, if nothing has moved for the whole of it.
     fn hung(&mut self) -> Option<Duration> {
         let limit = self.hang?;
-        // A program of somebody's own may write to its log alone.
+        // A user's trainer may write only to its log.
         let length = length(&self.log);
         if std::mem::replace(&mut self.log_length, length) != length {
             self.since = Patience::new();
@@ -328,7 +335,7 @@ fn length(path: &Path) -> u64 {
     fs::metadata(path).map_or(0, |file| file.len())
 }
 
-/// A worker's standard input, which tells it to go on for as long as it is open.
+/// A worker's standard input; the worker runs as long as it is open.
 struct Leash {
     held: Option<ChildStdin>,
     /// The worker ends by itself within it, once it is let go.
@@ -348,5 +355,20 @@ impl Leash {
     fn outlasts(&mut self, more: Duration) -> bool {
         let limit = self.grace + more;
         self.since.as_mut().is_some_and(|since| since.spend() > limit)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_worker_whose_file_was_cut_starts_again_and_says_why() {
+        let failure = death(ExitStatus::from_raw(Signal::SIGBUS as i32), &Kills::so_far());
+        assert!(failure.reason.contains("a file was cut short while the worker read it"));
+        assert!(matches!(JobEnd::of(failure), JobEnd::Crashed(Failure { kind, .. })
+            if kind == FailureKind::FilesChanged));
+        let failure = death(ExitStatus::from_raw(Signal::SIGSEGV as i32), &Kills::so_far());
+        assert_eq!(failure.kind, FailureKind::Crashed);
     }
 }

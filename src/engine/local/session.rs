@@ -1,4 +1,4 @@
-//! [`Local`]: processes of this machine, until all is done.
+//! [`Local`]: the engine of this machine.
 
 use std::collections::HashSet;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ use crate::jobs::{Job, JobId, JobState, ResultsFolder, time_left};
 use crate::machine;
 use crate::progress::stop_on_signals;
 
-/// Processes of this machine, until all is done.
+/// Processes on this machine; returns when all are done.
 pub struct Local;
 
 /// FLOPs of jobs that take a minute or more.
@@ -36,7 +36,7 @@ impl Engine for Local {
     }
 
     fn about(&self) -> &'static str {
-        "Processes of this machine, until all is done"
+        "Processes on this machine; returns when all are done"
     }
 
     fn session<'a>(&self, request: &'a SweepRequest<'a>) -> Result<Box<dyn Session + 'a>> {
@@ -44,14 +44,14 @@ impl Engine for Local {
         Ok(Box::new(Here(request)))
     }
 
-    /// Asks until the folder is free. What waits for the folder is asked too, as it begins.
+    /// Asks for an end until the folder is free. A process that waits for the folder is asked too when it starts.
     fn cancel(&self, folder: &ResultsFolder, tell: &dyn Tell) -> Result<Cancelled> {
         if !is_held(folder) {
             return Ok(Cancelled::NothingRan);
         }
         tell.note("asked for an end; waiting for checkpoints to be written");
         let asked = Instant::now();
-        // It may be held by another the moment after, which takes it over from the one that had it.
+        // Another process may take over the lock right afterwards.
         let is_held_again = || {
             std::thread::sleep(POLL);
             is_held(folder)
@@ -60,7 +60,7 @@ impl Engine for Local {
             if asked.elapsed() > PATIENCE {
                 return Ok(Cancelled::StillAtWork);
             }
-            // A scheduler that has just begun forgets what was asked before it.
+            // A scheduler that has just started ignores earlier requests.
             ask_to_end(folder)?;
             std::thread::sleep(POLL);
         }
@@ -124,7 +124,7 @@ impl Session for Here<'_> {
 }
 
 impl Here<'_> {
-    /// Measures how fast this machine is, where nothing in the folder tells and it is worth a second.
+    /// Times this machine, if the folder has no speeds and the sweep is large enough.
     fn note_speed(&self, jobs: &[Job], slots: usize) -> Result<()> {
         let SweepRequest { plan, folder, device, .. } = *self.0;
         let is_long = jobs.iter().map(|job| job.cost).sum::<f64>() > WORTH_A_PROBE;
@@ -152,7 +152,7 @@ impl Here<'_> {
     }
 }
 
-/// Where the time of the slots went; programs of other people do not tell of their steps.
+/// The use of the slots' time; a user's trainer does not report its steps.
 fn time_spent(spent: &Spent, slots: usize) -> String {
     let minutes = spent.span_s / 60.0;
     match 100.0 * spent.training_share(slots) {
@@ -161,8 +161,8 @@ fn time_spent(spent: &Spent, slots: usize) -> String {
     }
 }
 
-/// This program as it was started: by its image in memory where the system shows it, so that workers
-/// are of the same build even when the file has been replaced or removed since.
+/// This program's executable, by its image in memory if possible, so that workers are the same build even if the file
+/// was replaced or removed.
 fn own_program() -> Result<PathBuf> {
     let image = PathBuf::from(format!("/proc/{}/exe", std::process::id()));
     let this = || std::env::current_exe().context("finding this program");

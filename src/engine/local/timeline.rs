@@ -1,4 +1,4 @@
-//! [`Timeline`]: when each job ran and where, a JSON line each in `schedule.jsonl`.
+//! [`Timeline`]: the time and slot of each job, as JSON lines in `schedule.jsonl`.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -10,7 +10,7 @@ use crate::files::FileError;
 use crate::jobs::history::{SCHEDULE, Stretch};
 use crate::jobs::{Job, ResultsFolder};
 
-/// What a scheduler's jobs took.
+/// The times of a scheduler's jobs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Spent {
     /// Seconds from the scheduler's beginning to the last end of a job.
@@ -26,7 +26,7 @@ impl Spent {
     }
 }
 
-/// Where a scheduler notes what ran when.
+/// The record of job times of a scheduler.
 pub struct Timeline {
     written: Mutex<(File, Spent)>,
     session: usize,
@@ -54,8 +54,8 @@ impl Timeline {
         self.began.elapsed().as_secs_f64()
     }
 
-    /// Notes a job that started at `start_s` and has ended now. A line that cannot be written is
-    /// left out: nothing depends on it, and what hindered it hinders the job too.
+    /// Records a job that started at `start_s` and ended now. A line that cannot be written is dropped: nothing depends
+    /// on it, and the same cause affects the job too.
     pub fn note(&self, job: &Job, slot: usize, [start_s, train_s]: [f64; 2], end: &JobEnd) {
         let stretch = Stretch {
             session: self.session,
@@ -75,7 +75,7 @@ impl Timeline {
         spent.train_s += train_s;
     }
 
-    /// Where the time went so far.
+    /// The use of time so far.
     pub fn spent(&self) -> Spent {
         self.written.lock().expect("nothing panics while it holds this").1
     }

@@ -1,4 +1,4 @@
-//! [`Cluster`]: a request to be met by Slurm, and what was submitted before.
+//! [`Cluster`]: a request to Slurm, with earlier submissions.
 
 use super::command::{Settings, System};
 use super::files::{Entry, Generation, Queue, QueuedTask, SlurmFolder, TaskState};
@@ -20,7 +20,7 @@ pub(super) struct Cluster<'a> {
     /// Named by its full path.
     pub folder: ResultsFolder,
     pub settings: Settings,
-    /// What was submitted before.
+    /// Earlier submissions.
     pub entries: Vec<Entry>,
     pub queue: Queue,
     /// Jobs that are in the queue already, and their tasks.
@@ -29,7 +29,7 @@ pub(super) struct Cluster<'a> {
     pub asked: Option<usize>,
 }
 
-/// The settings and the ledger of a folder that a command looks into; `None` where nothing was ever
+/// The settings and the ledger of a folder that a command looks into; `None` if nothing was ever
 /// submitted from it.
 pub fn of_folder(folder: &ResultsFolder) -> Result<Option<(Settings, Vec<Entry>)>> {
     let folder = ResultsFolder::new(absolute(folder.root())?);
@@ -39,16 +39,16 @@ pub fn of_folder(folder: &ResultsFolder) -> Result<Option<(Settings, Vec<Entry>)
     Ok(Some((settings, files.entries()?)))
 }
 
-/// The settings of a submission; the defaults where there is none.
+/// The settings of a submission; the defaults without one.
 pub fn settings_of(files: &SlurmFolder, submission: Option<Generation>) -> Result<Settings> {
     let Some(generation) = submission else { return Ok(Settings::default()) };
     let written: Option<SubmissionTerms> = read_if_there(&files.written(generation))?;
     Ok(written.map(|written| written.settings).unwrap_or_default())
 }
 
-// Slurm's word on a sweep, beside the folder's.
+// Slurm's report on a sweep, in addition to the folder's.
 
-/// What Slurm says, in numbers.
+/// Slurm's report in numbers.
 #[derive(Clone, Debug, Default, Serialize)]
 struct QueueState {
     /// Whether Slurm answered. Where it did not, nothing below is known.
@@ -79,7 +79,7 @@ struct Waiting {
     pub example: String,
 }
 
-/// Asks Slurm once; `None` where the sweep was never submitted to it.
+/// Asks Slurm once; `None` if the sweep was never submitted to it.
 ///
 /// # Errors
 /// Files of the submission cannot be read.
@@ -177,8 +177,8 @@ impl Waiting {
 
 // Slurm's reasons, in words, and which of them will not pass.
 
-/// The meaning of a reason that `squeue` gives, such as `Resources`: words that end the sentence "they wait: …", and
-/// whether a task that waits for it waits for ever, unless somebody does something.
+/// The meaning of a reason from `squeue`, such as `Resources`: the end of the sentence "they wait: …", and whether the
+/// task waits forever without intervention.
 pub fn outlook(reason: &str) -> (String, bool) {
     let (words, never) = match reason {
         "None" | "" => ("Slurm has not looked at them yet", false),

@@ -1,4 +1,4 @@
-//! [`Shell`]: who calls the programs of Slurm. [`System`] does; tests have their own.
+//! [`Shell`]: calls the programs of Slurm. [`System`] is the real one; tests have their own.
 
 use crate::files::FileError;
 use crate::sweep::{Amount, Count, Resources, SlurmSection, Stage, Word, minutes};
@@ -26,7 +26,7 @@ pub trait Shell {
     /// [`Shell::call`] of a program that must succeed; its standard output.
     ///
     /// # Errors
-    /// Also [`SlurmError::Refused`], with what the program said.
+    /// Also [`SlurmError::Refused`], with the program's message.
     fn ask(&self, words: &[String], patience: Duration) -> Result<String, SlurmError> {
         let answer = self.call(words, patience)?;
         if answer.ok {
@@ -37,11 +37,11 @@ pub trait Shell {
     }
 }
 
-/// How long a query may take.
+/// Timeout of a query.
 pub const QUERY: Duration = Duration::from_secs(60);
 
-/// Variables of the environment that would undo what we ask for: `sbatch` would wait for the job,
-/// write elsewhere, or see two contradicting wishes.
+/// Environment variables that would break a submission: `sbatch` would wait for the job, write elsewhere, or get
+/// contradicting options.
 const UNWANTED: [&str; 12] = [
     "SBATCH_WAIT",
     "SBATCH_WAIT_ALL_NODES",
@@ -57,8 +57,8 @@ const UNWANTED: [&str; 12] = [
     "SBATCH_NO_REQUEUE",
 ];
 
-/// Variables of the environment by which this user or this site set defaults of `sbatch`: they hold
-/// where no key of the section says otherwise.
+/// Environment variables with defaults of `sbatch` from the user or the site: they apply unless a key of the section
+/// overrides them.
 pub fn site_defaults() -> Vec<String> {
     let names = std::env::vars_os().filter_map(|(name, _)| name.into_string().ok());
     let site = |name: &String| name.starts_with("SBATCH_") && !UNWANTED.contains(&name.as_str());
@@ -104,7 +104,7 @@ fn drain(pipe: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<St
     })
 }
 
-/// Whether a child succeeded; `None` where it was killed since its time was up.
+/// Whether a child succeeded; `None` if it was killed since its time was up.
 fn wait(child: &mut Child, patience: Duration) -> io::Result<Option<bool>> {
     let started = Instant::now();
     loop {
@@ -120,7 +120,7 @@ fn wait(child: &mut Child, patience: Duration) -> io::Result<Option<bool>> {
     }
 }
 
-// What can go wrong between us and Slurm.
+// Errors of Slurm calls.
 
 /// Why a command of Slurm gave no answer, or not the one that was wanted.
 #[derive(Debug, thiserror::Error)]
@@ -139,8 +139,8 @@ pub enum SlurmError {
     Io(#[from] io::Error),
 }
 
-// What Slurm's commands say of each refusal that is not for a person to mend. They have one exit code for
-// all, so that their words are all there is to read; they are read here and nowhere else.
+// Slurm's messages of refusals that need no user. All refusals have the same exit code, so the message must be read;
+// only this code reads it.
 
 /// Too many jobs of this user are in the queue.
 const SUBMIT_LIMIT: [&str; 4] = [
@@ -181,14 +181,14 @@ impl SlurmError {
 /// MaxArraySize of a Slurm that says nothing else.
 const MAX_ARRAY: usize = 1001;
 
-/// What is asked of Slurm, and how.
+/// A request to Slurm, with its settings.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Settings(pub SlurmSection);
 
 impl Settings {
-    /// The same with `n` GPUs for each task of the runs, and as many runs at a time; as it is where the section
-    /// says of GPUs itself what these tasks ask for.
+    /// The same with `n` GPUs for each task of the runs, and as many runs at a time; unchanged if the section requests GPUs
+    /// itself.
     pub fn with_gpus(mut self, n: usize) -> Self {
         let asked = self.resources(Stage::Train);
         if asked.gpus.is_none() && asked.gres.is_none() && asked.gpus_per_task.is_none() {
@@ -200,7 +200,7 @@ impl Settings {
         self
     }
 
-    /// What the tasks of a stage ask for.
+    /// The request of a stage's tasks.
     pub fn resources(&self, stage: Stage) -> Resources {
         let of_stage = self.0.stages.as_ref().and_then(|stages| stages.get(&stage)).cloned();
         of_stage.unwrap_or_default().over(self.0.resources())
@@ -227,7 +227,7 @@ impl Settings {
         runs_at_once.or(cpus_per_task).map_or(1, |count| count.0)
     }
 
-    /// Seconds that a task of a stage may take, where that is said.
+    /// The time limit of a stage's tasks in seconds, if set.
     pub fn limit_s(&self, stage: Stage) -> Option<f64> {
         let time = self.resources(stage).time?;
         Some(60.0 * minutes(&time.0)?)
@@ -245,7 +245,7 @@ impl Settings {
         self.0.array_parallel.map(|count| count.0)
     }
 
-    /// Tasks of an array at most, where the section or else Slurm says so.
+    /// Most tasks of an array, by the section or by Slurm.
     pub fn max_array(&self, asked: Option<usize>) -> usize {
         self.0.max_array.map(|count| count.0).or(asked).unwrap_or(MAX_ARRAY).max(1)
     }
@@ -271,12 +271,12 @@ impl Settings {
         if self.requeue() { self.0.max_requeues.map_or(20, |count| count.0) } else { 0 }
     }
 
-    /// How long `isoflop cancel` waits for checkpoints.
+    /// Time that `isoflop cancel` waits for checkpoints.
     pub fn cancel_grace(&self) -> Duration {
         seconds(self.0.cancel_grace_s, 60.0)
     }
 
-    /// How long a task waits for files written on another machine to appear.
+    /// Time that a task waits for files of another machine.
     pub fn fs_grace(&self) -> Duration {
         seconds(self.0.fs_grace_s, 90.0)
     }

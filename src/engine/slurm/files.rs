@@ -1,4 +1,4 @@
-//! [`SlurmFolder`]: what submissions leave in a sweep's folder, under `slurm`.
+//! [`SlurmFolder`]: the files of submissions in a sweep's folder, under `slurm`.
 
 use super::command::{QUERY, Settings, Shell, SlurmError};
 use crate::files::{atomic, read_if_there};
@@ -20,10 +20,10 @@ pub struct Timed {
     pub seconds: f64,
 }
 
-/// What a task is to do; written once, never changed.
+/// The jobs of a task; written once, never changed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ChunkFile {
-    /// What must be there before: made by other tasks, now or long ago.
+    /// Inputs from other tasks.
     pub needs: Vec<JobId>,
     /// The jobs, the most urgent first.
     pub jobs: Vec<Timed>,
@@ -33,7 +33,7 @@ pub struct ChunkFile {
 ///
 /// ```text
 /// bin/<digest>/isoflop          the program that tasks run
-/// gen/<g>/submit.json           what was asked for
+/// gen/<g>/submit.json           the request
 /// gen/<g>/<array>.sh            the batch script of an array
 /// gen/<g>/<array>/<i>.json      the chunk of a task
 /// ledger/<g>-<array>.json       written before sbatch is called; the job's number after
@@ -54,7 +54,7 @@ impl SlurmFolder {
         self.0.join("gen").join(generation.to_string())
     }
 
-    /// What a submission asked for.
+    /// The request of a submission.
     pub fn written(&self, generation: Generation) -> PathBuf {
         self.generation(generation).join("submit.json")
     }
@@ -79,17 +79,17 @@ impl SlurmFolder {
         self.0.join("ledger")
     }
 
-    /// Where the program of a digest lies.
+    /// The path of the program by digest.
     pub fn program(&self, digest: &str) -> PathBuf {
         self.0.join("bin").join(digest).join("isoflop")
     }
 
-    /// Where a task notes that it put itself back into the queue.
+    /// The folder of a task's requeue notes.
     pub fn requeues(&self, generation: Generation, array: &str, index: usize) -> PathBuf {
         self.0.join("requeues").join(format!("{generation}-{array}-{index}"))
     }
 
-    /// The number of the last submission; `None` where there was none.
+    /// The number of the last submission; `None` if there was none.
     ///
     /// # Errors
     /// The folder cannot be read.
@@ -106,14 +106,14 @@ impl SlurmFolder {
 
 // The ledger: which jobs of Slurm's are ours, written so that a crash at any moment loses none.
 
-/// One call of `sbatch`: what it is to submit, and the number that it gave.
+/// One call of `sbatch`: the array, and the resulting job number.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Entry {
     pub generation: Generation,
     pub array: String,
     /// Random; the job carries it as its comment, so that it is found though its number is not known.
     pub token: String,
-    /// Who submitted, by number.
+    /// The submitting user, by number.
     pub user: u32,
     /// Tasks of the array; `None` for a job that is no array.
     pub tasks: Option<usize>,
@@ -170,13 +170,13 @@ pub fn token() -> io::Result<String> {
     Ok(format!("isoflop-{name}"))
 }
 
-// [`Queue`]: what Slurm says of our jobs, by one call of `squeue`.
+// [`Queue`]: the state of our jobs, from one call of `squeue`.
 
 /// Base number, index, state, reason, nodes, comment. Not `--json`: that ignores `-u` and changes
 /// from version to version.
 const FORMAT: &str = "%F|%K|%T|%r|%N|%k";
 
-/// How far a task is.
+/// The state of a task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TaskState {
     Waiting,
@@ -186,7 +186,7 @@ pub enum TaskState {
     Ended,
 }
 
-/// A task that Slurm still knows.
+/// A task known to Slurm.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct QueuedTask {
     pub job_id: String,
@@ -214,18 +214,18 @@ impl QueuedTask {
     }
 }
 
-/// The tasks of a sweep that Slurm still knows. A task that ended minutes ago is not among them.
+/// The tasks of a sweep known to Slurm, without those that ended minutes ago.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Queue {
     pub tasks: Vec<QueuedTask>,
 }
 
 impl Queue {
-    /// Asks Slurm for the jobs of some entries. Jobs are known by their tokens: numbers are given
-    /// again when a controller is set up anew.
+    /// Asks Slurm for the jobs of some entries. Jobs are identified by their tokens: a reinstalled controller reuses
+    /// numbers.
     ///
     /// # Errors
-    /// Slurm gave no answer. Then nothing is known, least of all that nothing is there.
+    /// Slurm gave no answer. Then the state is unknown; in particular, jobs may exist.
     pub fn ask(
         shell: &dyn Shell,
         settings: &Settings,
@@ -303,7 +303,7 @@ fn state_of(word: &str, requeue: bool) -> TaskState {
         "RUNNING" => TaskState::Running,
         "COMPLETED" | "CANCELLED" | "FAILED" | "TIMEOUT" | "OUT_OF_MEMORY" | "BOOT_FAIL"
         | "DEADLINE" | "REVOKED" => TaskState::Ended,
-        // Slurm will put them back into the queue, where it may.
+        // Slurm will requeue them, if allowed.
         "NODE_FAIL" | "PREEMPTED" if !requeue => TaskState::Ended,
         _ => TaskState::Busy,
     }

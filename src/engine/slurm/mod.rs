@@ -1,10 +1,10 @@
-//! A sweep on a cluster, through Slurm's plain command line.
+//! Runs a sweep on a cluster, through Slurm's plain command line.
 //!
-//! The jobs of a plan become array tasks, each of which does a list of jobs as `isoflop run` would
-//! on one machine. Files are the truth, Slurm is transport: what is done is what has a record.
+//! The jobs of a plan become array tasks; each runs a list of jobs as `isoflop run` would on one machine. The state is
+//! read from files, never from Slurm: a job is done if it has a record.
 //!
 //! ```text
-//! inputs (a task a tokenizer) --afterok--> train (arrays of packed runs) --afterany--> fit
+//! inputs (one task per tokenizer) --afterok--> train (arrays of packed runs) --afterany--> fit
 //! ```
 
 mod cluster;

@@ -1,4 +1,4 @@
-//! Missing jobs, cut into the arrays of a submission.
+//! Packs missing jobs into the arrays of a submission.
 
 use super::cluster::Cluster;
 use super::command::{QUERY, Settings, Shell, SlurmError, System, site_defaults};
@@ -18,7 +18,7 @@ use std::time::Duration;
 use crate::files::atomic;
 use crate::machine;
 
-/// FLOPs a second that a GPU is taken to give, where no run has ended on it yet.
+/// Assumed FLOPs per second of a GPU before any run has ended on it.
 const GPU: f64 = 1e12;
 
 impl Cluster<'_> {
@@ -33,7 +33,7 @@ impl Cluster<'_> {
         let files = SlurmFolder::of(&self.folder);
         keep_program(&program, &files.program(digest)).context("copying this program")?;
         let estimates = self.estimates()?;
-        // Who writes to the folder, by number: whose jobs these will be.
+        // The user who writes to the folder, by number: the owner of the jobs.
         let user = fs::metadata(self.folder.file("plan.json"))?.uid();
         let mut most = self.settings.max_submit();
         loop {
@@ -53,7 +53,7 @@ impl Cluster<'_> {
         }
     }
 
-    /// What would be submitted, by the program of a digest.
+    /// The submission, with the program of a digest.
     pub fn submission(
         &self,
         jobs: &[Job],
@@ -94,7 +94,7 @@ impl Cluster<'_> {
         }
     }
 
-    /// How fast jobs are: as the section says, as runs were, as the card should be, or as a few steps here show.
+    /// The speed of jobs: by the section, by finished runs, by the card, or by timing a few steps here.
     pub fn estimates(&self) -> Result<Estimates> {
         let (plan, folder) = (self.request.plan, &self.folder);
         let engine = self.request.sweep.engine.as_ref();
@@ -138,11 +138,11 @@ const TRIES: u32 = 3;
 /// The first wait between two of them.
 const WAIT: Duration = Duration::from_secs(2);
 
-/// Writes what tasks will read, then submits every step after those that it waits for.
+/// Writes the files of the tasks, then submits every step after the steps that it waits for.
 ///
-/// Before each call the ledger says what is to be submitted, by a token that the job carries; after
-/// it, the job's number. Where a call fails for good, what this submission gave Slurm before is
-/// cancelled, so that nothing is left half wired. What the ledger then holds of it is returned.
+/// Before each call the ledger records the array with a token that the job carries; after it, the job's number. If a
+/// call fails for good, the earlier jobs of this submission are cancelled, so that no partial submission is left.
+/// Returns the ledger's entries of the submission.
 ///
 /// # Errors
 /// Slurm refused, or gave no answer; a file could not be written.
@@ -185,7 +185,7 @@ pub fn submit(
     Ok(entries)
 }
 
-/// Files first: what Slurm starts finds all that it reads.
+/// Writes all files first, so that tasks find them.
 fn write(submission: &Submission) -> io::Result<()> {
     let (files, generation) = (submission.files(), submission.generation);
     for step in &submission.steps {
@@ -199,7 +199,7 @@ fn write(submission: &Submission) -> io::Result<()> {
     Ok(atomic::write_json(&files.written(generation), &submission.written)?)
 }
 
-/// Copies this program to where tasks run it from: a new build would change what is in the queue.
+/// Copies this program into the folder for tasks: a new build must not affect queued tasks.
 ///
 /// # Errors
 /// The program cannot be read, or the copy not be written.
@@ -212,8 +212,8 @@ pub fn keep_program(from: &Path, to: &Path) -> io::Result<()> {
     fs::set_permissions(to, fs::Permissions::from_mode(0o755))
 }
 
-/// Calls `sbatch`; again where the reason may pass, but never without looking whether the job came
-/// to be although the answer did not. An error says too whether it is certain that no job came of it.
+/// Calls `sbatch`, with retries for temporary errors, but never without checking whether the job exists although no
+/// answer came. An error also says whether it is certain that no job exists.
 fn call(
     words: &[String],
     settings: &Settings,
@@ -241,8 +241,8 @@ fn call(
     }
 }
 
-/// The job's number: the last line of what `sbatch --parsable` prints, before a cluster's name. Some
-/// sites print a banner before it.
+/// The job's number: the last line of `sbatch --parsable`, up to a cluster's name. Some sites print a banner before
+/// it.
 fn number(said: &str) -> Result<String, SlurmError> {
     let last = said.lines().map(str::trim).rfind(|line| !line.is_empty()).unwrap_or_default();
     let id = last.split(';').next().unwrap_or_default();
@@ -250,9 +250,9 @@ fn number(said: &str) -> Result<String, SlurmError> {
     if good { Ok(id.to_string()) } else { Err(SlurmError::NoNumber(last.to_string())) }
 }
 
-/// Cancels what was submitted before a call failed.
+/// Cancels the jobs submitted before a call failed.
 fn undo(submission: &Submission, entries: &[Entry], shell: &dyn Shell) -> Result<(), SlurmError> {
-    // What waits for others first, lest it begin at their end.
+    // Waiting jobs first, so that they do not start when others end.
     let ids: Vec<String> = entries.iter().rev().filter_map(|entry| entry.job_id.clone()).collect();
     if ids.is_empty() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! [`Slurm`]: jobs of a cluster, submitted at once and done some time.
+//! [`Slurm`]: the engine of a Slurm cluster.
 
 use super::cluster::{Cluster, of_folder, settings_of, status};
 use super::command::{QUERY, Settings, Shell, SlurmError, System};
@@ -18,7 +18,7 @@ use crate::sweep::read_profile;
 use crate::units::quoted;
 use std::time::{Duration, Instant};
 
-/// Jobs of a cluster: submits them and returns at once.
+/// Jobs on a cluster; submits them and returns at once.
 pub struct Slurm;
 
 impl Engine for Slurm {
@@ -27,7 +27,7 @@ impl Engine for Slurm {
     }
 
     fn about(&self) -> &'static str {
-        "Jobs of a cluster: submits them and returns at once"
+        "Jobs on a cluster; submits them and returns at once"
     }
 
     fn hands_over(&self) -> bool {
@@ -68,8 +68,8 @@ impl Engine for Slurm {
     }
 }
 
-/// The section of the sweep, under that of the profile; each task of the runs has the GPUs that the trainer shares
-/// out, or, with a card, one.
+/// The section of the sweep, overridden by the profile; each task of the runs has the trainer's GPUs, or one if a card
+/// is named.
 fn settings(request: &SweepRequest) -> Result<Settings> {
     let engine = request.sweep.engine.clone().unwrap_or_default();
     let (has_card, of_sweep) = (engine.gpu.is_some(), engine.slurm);
@@ -130,8 +130,8 @@ impl Session for Cluster<'_> {
 }
 
 impl Cluster<'_> {
-    /// The ledger and what Slurm says of it. An entry without a number is of a submission that was
-    /// cut off: its job is looked for, and the entry settled.
+    /// The ledger, and Slurm's state of its jobs. An entry without a number comes from an interrupted submission: its job
+    /// is searched, and the entry completed.
     fn look(&mut self) -> Result<()> {
         let ledger = SlurmFolder::of(&self.folder);
         let entries = ledger.entries()?;
@@ -195,10 +195,9 @@ impl Cluster<'_> {
     }
 }
 
-// What would be submitted (`--dry-run`), and what Slurm says to it (`--check`).
+// The preview of a submission (`--dry-run`), and Slurm's answer to it (`--check`).
 
-/// What would be submitted if the queue were empty: scripts, and the calls with what Slurm and chance
-/// will say left open.
+/// The submission for an empty queue: scripts, and calls with placeholders for job numbers and tokens.
 fn dry_run(submission: &Submission, n_jobs: usize) -> Previewed {
     let steps = &submission.steps;
     let ids: Vec<String> = steps.iter().map(|step| format!("ID_OF_{}", step.name)).collect();
@@ -251,11 +250,11 @@ fn check(sweep: &str, submission: &Submission) -> Result<Previewed> {
     Ok(Previewed { document: json!({"taken": taken, "steps": verdicts}), text, taken })
 }
 
-// Ends what Slurm does for a sweep: first what waits, then, with time for checkpoints, what runs.
+// Ends Slurm's jobs of a sweep: waiting ones first, then running ones, with time for checkpoints.
 
 const POLL: Duration = Duration::from_millis(500);
 
-/// How long what was killed may take to go.
+/// Time for killed jobs to disappear.
 const KILLED: Duration = Duration::from_secs(60);
 
 /// Ends the jobs of the entries, by their numbers alone.
@@ -284,7 +283,7 @@ fn cancel(
         if ids.is_empty() {
             return Ok(true);
         }
-        // What waits first: the fit would begin at the end of what it waits for.
+        // Waiting jobs first: the fit would start when the jobs before it end.
         call(&["--state=PENDING"], ids.clone())?;
         if !asked {
             call(&["--batch", "--signal=TERM"], ids)?;

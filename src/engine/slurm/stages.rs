@@ -1,4 +1,4 @@
-//! The jobs of a plan as arrays of chunks, each after what it needs.
+//! Arranges the jobs of a plan into arrays of chunks, in order of dependency.
 
 use super::command::Settings;
 use super::files::{ChunkFile, Timed};
@@ -38,13 +38,13 @@ impl Array {
         Self { name, stage, chunks: Vec::new(), after: Vec::new() }
     }
 
-    /// How many tasks it has; `None` for the fit.
+    /// Number of tasks; `None` for the fit.
     pub fn tasks(&self) -> Option<usize> {
         (self.stage != Stage::Fit).then_some(self.chunks.len())
     }
 }
 
-/// What arrays are made of, besides the jobs.
+/// The settings of arrays, besides the jobs.
 pub struct Layout<'a> {
     pub settings: &'a Settings,
     pub estimates: &'a Estimates,
@@ -54,7 +54,7 @@ pub struct Layout<'a> {
     pub queued: &'a HashMap<JobId, String>,
     /// Tasks of an array at most.
     pub max_array: usize,
-    /// Tasks of all arrays at most, as far as packing can help.
+    /// Limit on the tasks of all arrays, met by packing if possible.
     pub max_tasks: usize,
 }
 
@@ -65,10 +65,10 @@ struct Unit {
     seconds: f64,
 }
 
-/// Arrays in the order in which they are to be submitted. What is in the queue already is left out.
+/// Arrays in order of submission, without queued jobs.
 ///
-/// Runs are grouped by what they wait for, an array a group, so that a tokenizer that fails holds up
-/// its own runs and no others.
+/// Runs are grouped by the jobs that they wait for, one array per group, so that a failed tokenizer delays only its own
+/// runs.
 pub fn arrays(jobs: &[Job], layout: &Layout) -> Vec<Array> {
     let open: Vec<&Job> = jobs.iter().filter(|job| !layout.queued.contains_key(&job.id)).collect();
     let of = |stage: Stage| {
@@ -96,7 +96,7 @@ pub fn arrays(jobs: &[Job], layout: &Layout) -> Vec<Array> {
     out.named()
 }
 
-/// Packs each group into chunks; where they are too many, into longer ones.
+/// Packs each group into chunks; into longer ones if they are too many.
 fn pack(groups: Vec<Vec<Unit>>, layout: &Layout, max_tasks: usize) -> Vec<Vec<Vec<Unit>>> {
     let slots = layout.settings.slots(Stage::Train) as f64;
     let of_group = |group: &Vec<Unit>| group.iter().map(|unit| unit.seconds / slots).collect();
@@ -115,7 +115,7 @@ fn pack(groups: Vec<Vec<Unit>>, layout: &Layout, max_tasks: usize) -> Vec<Vec<Ve
     packed.collect()
 }
 
-/// Whether a job waits for one of its own kind that is tried before all others, in an array of its own.
+/// Whether a job waits for one of its own kind that runs before all others, in a separate array.
 fn goes_before(job: &Job, need: &JobId) -> bool {
     [&job.id, need].iter().all(|id| id.kind == JobKind::Run)
 }
@@ -159,7 +159,7 @@ struct Arrays<'a> {
 }
 
 impl Arrays<'_> {
-    /// What must have succeeded before a unit can begin.
+    /// The jobs that must succeed before a unit can start.
     fn after(&self, unit: &Unit) -> BTreeSet<After> {
         let needs = unit.jobs.iter().flat_map(|timed| &timed.job.needs);
         let task = |need: &JobId| match self.layout.queued.get(need) {
@@ -169,7 +169,7 @@ impl Arrays<'_> {
         needs.filter_map(task).collect()
     }
 
-    /// Adds an array of chunks, or several where one would be too long.
+    /// Adds an array of chunks, or several if one would be too long.
     fn add(&mut self, stage: Stage, chunks: Vec<Vec<Unit>>) {
         for part in chunks.chunks(self.layout.max_array) {
             let after: BTreeSet<After> =
@@ -197,7 +197,7 @@ impl Arrays<'_> {
         ChunkFile { needs, jobs }
     }
 
-    /// The arrays with their names, numbered where a stage has several.
+    /// The arrays with their names, numbered if a stage has several.
     fn named(self) -> Vec<Array> {
         let stages: Vec<Stage> = self.made.iter().map(|array| array.stage).collect();
         let count = |stages: &[Stage], of| stages.iter().filter(|stage| **stage == of).count();
@@ -227,14 +227,14 @@ const ASSUMED_PARALLEL: usize = 16;
 /// Tasks a slot, so that the last to end does not hold up the rest for long.
 const TASKS_PER_SLOT: usize = 3;
 
-/// How long a task should be, given all the work in seconds: `target_s` at most, and so short that
-/// each of `parallel` slots gets three, but not below a minute.
+/// The target length of a task, given all the work in seconds: at most `target_s`, and short enough that each of
+/// `parallel` slots gets three, but not below a minute.
 pub fn length_s(all_s: f64, target_s: f64, parallel: Option<usize>) -> f64 {
     let tasks = TASKS_PER_SLOT * parallel.unwrap_or(ASSUMED_PARALLEL);
     (all_s / tasks as f64).max(LEAST_S).min(target_s)
 }
 
-/// How many tasks of a length hold the work of some units, each of which stays whole.
+/// The number of tasks of a length for the work of units that cannot be split.
 pub fn count(units_s: &[f64], length_s: f64) -> usize {
     let all: f64 = units_s.iter().sum();
     ((all / length_s).ceil() as usize).clamp(1, units_s.len().max(1))
@@ -278,7 +278,7 @@ impl Estimates {
         Self { flops_per_second, source: "as flops_per_second says" }
     }
 
-    /// The rate of the finished runs of a folder; `None` where there is none.
+    /// The rate of the finished runs of a folder; `None` if there is none.
     ///
     /// # Errors
     /// A record is damaged.

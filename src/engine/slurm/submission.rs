@@ -1,4 +1,4 @@
-//! [`Submission`]: everything that is about to be given to Slurm, before anything is, and what Slurm would say to it.
+//! [`Submission`]: everything to submit to Slurm, prepared in advance, and Slurm's answer to a test.
 
 use super::command::{Answer, QUERY, Settings, Shell, SlurmError, System};
 use super::files::{Generation, SlurmFolder};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What tasks read of their submission: `submit.json`.
+/// The file of a submission that tasks read: `submit.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SubmissionTerms {
     /// The section, with the profile laid over it.
@@ -31,7 +31,7 @@ pub struct Submission {
     /// Named by its full path.
     pub folder: ResultsFolder,
     pub generation: Generation,
-    /// Where the command was given: paths of the sweep are relative to it.
+    /// The working directory of the command: paths of the sweep are relative to it.
     pub directory: PathBuf,
     pub written: SubmissionTerms,
     /// The calls of `sbatch`, in their order: every array, then the fit.
@@ -55,9 +55,8 @@ impl Submission {
         script(&self.written.settings.resources(step.stage), &self.directory, &words)
     }
 
-    /// The words that submit a step, once the jobs of those before it have their numbers. Nothing stands in the
-    /// script, so that what is printed is all that there is; nothing of a site's is given that the section does not
-    /// name.
+    /// The command that submits a step, given the job numbers of earlier steps. All options are here, none in the script,
+    /// so the printed command is complete; no option of a site is passed unless the section names it.
     pub fn words(&self, step: &Array, token: &str, ids: &[String]) -> Vec<String> {
         let Self { written, folder, generation, directory, .. } = self;
         let (settings, name) = (&written.settings, &step.name);
@@ -73,7 +72,7 @@ impl Submission {
             format!("--output={logs}/{generation}-{name}-{patterns}.log"),
             "--open-mode=append".to_string(),
             if settings.requeue() { "--requeue" } else { "--no-requeue" }.to_string(),
-            // Without it, what waits for something that failed would wait for ever.
+            // Without it, a job that waits for a failed one would wait forever.
             "--kill-on-invalid-dep=yes".to_string(),
             "--nodes=1".to_string(),
             "--ntasks=1".to_string(),
@@ -92,7 +91,7 @@ impl Submission {
         words
     }
 
-    /// What a step waits for: an array for the success of certain tasks, the fit for the end of all.
+    /// The dependencies of a step: an array waits for the success of certain tasks, the fit for the end of all.
     fn dependency(&self, step: &Array, ids: &[String]) -> Option<String> {
         let task = |after: &After| match after {
             After::Ours { array, index } => format!("{}_{index}", ids[*array]),
@@ -115,7 +114,7 @@ impl Submission {
         SlurmFolder::of(&self.folder)
     }
 
-    /// A sentence on a path that Slurm could not be given; `None` where all is well.
+    /// A sentence on a path that Slurm could not be given; `None` if all is well.
     pub fn unspeakable(&self) -> Option<String> {
         let bad = |path: &Path| path.display().to_string().contains(['\\', '\n']);
         let paths = [self.folder.root(), &self.directory];
@@ -134,7 +133,7 @@ pub fn array(tasks: usize, parallel: Option<usize>) -> String {
     format!("--array=0-{}{limit}", tasks.saturating_sub(1))
 }
 
-/// What the section names, and no more.
+/// Only the keys of the section.
 pub fn asked_for(resources: &Resources) -> Vec<String> {
     let text = |text: &Option<String>| text.clone();
     let word = |word: &Option<Word>| word.as_ref().map(|word| word.0.clone());
@@ -203,7 +202,7 @@ pub struct Verdict {
     pub name: String,
     /// Whether it would be taken, and would begin some day.
     pub taken: bool,
-    /// Where and when it would begin, or why not, as Slurm says it.
+    /// Place and time of the start, or the refusal, in Slurm's words.
     pub said: String,
 }
 
@@ -222,7 +221,7 @@ impl Submission {
         let mut script =
             tempfile::Builder::new().prefix(".isoflop-check-").tempfile_in(&self.directory)?;
         script.write_all(self.script(step).as_bytes())?;
-        // What it waits for is left out: it has no number.
+        // Dependencies are left out: they have no number.
         let mut words = self.words(step, "check", &vec!["0".to_string(); at]);
         words.retain(|word| !word.starts_with("--dependency="));
         let options = self.written.settings.program("sbatch", &[]).len();
@@ -240,7 +239,7 @@ impl Submission {
         if refused.may_pass() { Err(refused) } else { Ok(Verdict { name, taken: false, said }) }
     }
 
-    /// A sentence on a time limit beyond that of the partition that Slurm chose.
+    /// A warning if the time limit exceeds the one of the chosen partition.
     fn too_long(&self, step: &Array, said: &str) -> Result<Option<String>, SlurmError> {
         let settings = &self.written.settings;
         let partition = between(said, " in partition ", " ");
@@ -267,8 +266,8 @@ fn last_line(answer: &Answer) -> String {
     last.strip_prefix("error: ").unwrap_or(last).to_string()
 }
 
-/// `Job 9 to start at TIME using 1 processors on nodes NODES in partition PARTITION` without what says
-/// nothing of a job that is not to be.
+/// `Job 9 to start at TIME using 1 processors on nodes NODES in partition PARTITION`, without the parts that are
+/// meaningless in a test.
 fn begin(said: &str) -> String {
     let parts = [" to start at ", " on nodes ", " in partition "];
     match parts.map(|before| between(said, before, " ")) {

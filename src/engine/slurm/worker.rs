@@ -1,4 +1,4 @@
-//! What a task of Slurm's does: the jobs of its chunk, as `isoflop run` would on one machine.
+//! Runs the jobs of a Slurm task's chunk, as `isoflop run` would on one machine.
 
 use super::command::{QUERY, Settings, Shell, System};
 use super::files::{ChunkFile, SlurmFolder, Timed, token};
@@ -28,22 +28,22 @@ pub enum Ended {
     Done = 0,
     /// A job failed for good; the others were tried.
     SomeFailed = 1,
-    /// It was asked to end, and goes on from checkpoints another time.
+    /// It was asked to end, and can resume from checkpoints.
     Interrupted = 75,
-    /// What it needs is not there.
+    /// An input is missing.
     NoInputs = 78,
 }
 
-/// How long the first files of a task may take to appear: what else may is in one of them.
+/// Time for the first files of a task to appear; they contain further settings.
 const FIRST_FILES: Duration = Duration::from_secs(90);
 
-/// How often a task looks whether it is to end.
+/// Time between checks for a request to end.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// How often it looks for files that have not appeared.
+/// Time between checks for missing files.
 const RELIST: Duration = Duration::from_secs(1);
 
-/// Does the chunk of a task. `program` is started for each job; `say` tells what a log should hold.
+/// Runs the chunk of a task. `program` is started for each job; `say` writes the log.
 ///
 /// # Errors
 /// Files of the submission are damaged or do not appear.
@@ -90,7 +90,7 @@ pub fn work(
     Ok(ended)
 }
 
-/// Does what is to do with several jobs side by side, watching for signals.
+/// Runs several jobs in parallel, watching for signals.
 fn pool(folder: &ResultsFolder, guarded: &Guarded, slots: usize) -> Ended {
     let jobs = to_do(folder, guarded.chunk);
     let display = Display::new(&jobs, slots, false, || None);
@@ -120,7 +120,7 @@ fn pool(folder: &ResultsFolder, guarded: &Guarded, slots: usize) -> Ended {
     }
 }
 
-/// Raises `stop` once anybody asks for an end, until all is over.
+/// Raises `stop` when an end is requested, until all jobs have ended.
 fn watch(folder: &ResultsFolder, stop: &Stop, over: &AtomicBool) {
     for look in 0.. {
         if is_raised(over) {
@@ -155,7 +155,7 @@ fn to_do(folder: &ResultsFolder, chunk: &ChunkFile) -> Vec<Job> {
     jobs
 }
 
-/// A sentence on what the chunk needs and does not find, once there was time to appear.
+/// A sentence on missing inputs of the chunk, after the time for them to appear.
 fn missing(folder: &ResultsFolder, chunk: &ChunkFile, grace: Duration) -> Option<String> {
     let products = chunk.needs.iter().map(|need| (folder.product(need), Some(need)));
     let own = chunk.jobs.iter().map(|timed| (folder.spec(&timed.job.id), None));
@@ -183,8 +183,8 @@ fn absent(path: &Path, grace: Duration) -> String {
     format!("{} did not appear within {} s", path.display(), grace.as_secs())
 }
 
-/// Looks until a file is there or it is in vain to wait for it, or the time is up. Its folder is listed: a
-/// network's file system then forgets what it believed of it.
+/// Waits until a file exists, waiting is useless, or the time is up. Its folder is listed, which clears the cache of a
+/// network file system.
 fn patiently(path: &Path, grace: Duration, is_in_vain: impl Fn() -> bool) -> bool {
     let started = Instant::now();
     loop {
@@ -201,7 +201,7 @@ fn patiently(path: &Path, grace: Duration, is_in_vain: impl Fn() -> bool) -> boo
     }
 }
 
-// What Slurm tells a task by signals: its time is nearly up (USR2), or it is to end (TERM).
+// Slurm's signals to a task: its time is nearly up (USR2), or it must end (TERM).
 
 /// Whether the warning before the time limit has come.
 static TIME_IS_UP: AtomicBool = AtomicBool::new(false);
@@ -231,9 +231,9 @@ fn listen() -> io::Result<()> {
     Ok(())
 }
 
-// How long a task may still run.
+// The remaining time of a task.
 
-/// When the task of this process is over; `None` where it has no limit, or Slurm does not say.
+/// When the task of this process is over; `None` if it has no limit, or Slurm does not say.
 fn end(settings: &Settings) -> Option<Instant> {
     let id = std::env::var("SLURM_JOB_ID").ok()?;
     let words = settings.program("squeue", &["-h", "-j", &id, "-o", "%L"]);
@@ -284,9 +284,9 @@ fn name() -> Option<String> {
 /// Worker processes within a time limit.
 pub struct Guarded<'a> {
     pub processes: LocalProcesses,
-    /// When the task is over; `None` where it has no limit.
+    /// When the task is over; `None` if it has no limit.
     pub end: Option<Instant>,
-    /// How long each job takes.
+    /// The expected time of each job.
     pub chunk: &'a ChunkFile,
     /// Whether a job ended since this task began. One that is longer than any limit must be begun
     /// all the same: it goes on from checkpoints, task after task.

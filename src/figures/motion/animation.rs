@@ -3,9 +3,9 @@
 
 use super::body::{HEAD_RADIUS, REACH, far_to_near, head};
 use super::caption::{self, cleaned, facts};
-use super::room::{Bounds, Seen, Segment, View, below, grid, path, see};
+use super::room::{Bounds, Seen, Segment, View, below, grid, not_drawn, path, see};
 use crate::figures::colour::{GRID, INK, MUTED, Rgb, SHADOW};
-use crate::figures::font::{Weight, measure};
+use crate::figures::font::{Weight, measure, wrap};
 use crate::figures::formats::{self, escaped, unit};
 use crate::figures::scene::{Anchor, Point, Scene, Stroke, plain_text};
 use crate::motion::Pose;
@@ -24,9 +24,17 @@ const FOOTER: f64 = 14.0;
 /// The SVG of a motion of at least one pose, which plays in a loop at `fps` poses a second.
 pub fn svg(poses: &[Pose], fps: f32, text: &str) -> String {
     let mut scene = Scene::new(WIDTH, 0.0);
+    // For readers of the screen.
+    let title = format!("<title>{}</title>\n", escaped(&cleaned(text)));
+    let top = caption::write(&mut scene, text, TITLE_EM, (MARGIN, MARGIN), WIDTH - 2.0 * MARGIN);
+    if let Some(reason) = not_drawn(poses) {
+        let remark = plain_text("", (MARGIN, top + MARGIN), Anchor::Start, REMARK_EM);
+        let lines = wrap(&reason, Weight::Normal, REMARK_EM, WIDTH - 2.0 * MARGIN);
+        scene.height = (scene.lines(lines, 1.35 * REMARK_EM, &remark) + MARGIN).ceil();
+        return formats::svg(&scene, &title, "");
+    }
     let path = path(poses);
     let (lines, side) = grid(&path, GROUND_MARGIN);
-    let top = caption::write(&mut scene, text, TITLE_EM, (MARGIN, MARGIN), WIDTH - 2.0 * MARGIN);
     let top = remarks(&mut scene, top, &facts(poses, fps), side) + MARGIN;
     let bounds = bounds(poses, &lines);
     let (view, height) = view(bounds, top);
@@ -38,12 +46,10 @@ pub fn svg(poses: &[Pose], fps: f32, text: &str) -> String {
     scene.height = (top + height + FOOTER + MARGIN).ceil();
     let turn = Loop::of(poses, fps);
     let bar = turn.progress((MARGIN, scene.height - MARGIN), WIDTH - 2.0 * MARGIN);
-    // For readers of the screen.
-    let title = format!("<title>{}</title>\n", escaped(&cleaned(text)));
     formats::svg(&scene, &title, &(turn.elements(&view) + &bar))
 }
 
-/// Writes the facts and the legend below the caption; returns where they end.
+/// Writes the facts and the legend below the caption; returns their lower end.
 fn remarks(scene: &mut Scene, top: f64, facts: &str, side: f64) -> f64 {
     let y = top + 1.3 * REMARK_EM;
     let facts = format!("{facts}, squares of {side} m");
@@ -71,11 +77,11 @@ fn view(bounds: Bounds, top: f64) -> (View, f64) {
     (View { scale, origin }, height)
 }
 
-// What moves.
+// The moving parts.
 
 /// More poses than this are thinned; the browser draws straight lines between them.
 const MOST_POSES: usize = 240;
-/// The last pose stands this long before the motion begins again, seconds.
+/// Pause on the last pose before the motion restarts, seconds.
 const PAUSE_S: f64 = 0.5;
 /// Half-widths of the shadow below the root, metres.
 const SHADOW_RADII: [f64; 2] = [0.2, 0.075];

@@ -1,4 +1,4 @@
-//! The stick figure: limbs by side, a head, and a nose that shows where the body faces.
+//! The stick figure: limbs by side, a head, and a nose that shows the facing direction.
 
 use super::room::{Seen, see};
 use crate::figures::colour::{INK, LEFT_SIDE, RIGHT_SIDE, Rgb};
@@ -6,9 +6,9 @@ use crate::motion::{CHAINS, L_HIP, L_SHOULDER, Pose, R_HIP, R_SHOULDER};
 
 /// Radius of the head, metres.
 pub const HEAD_RADIUS: f64 = 0.1;
-/// What is drawn lies within this many metres of a joint, seen from the side.
+/// The drawing lies within this many metres of a joint, seen from the side.
 pub const REACH: f64 = 0.18;
-/// How far the nose is from the middle of the head, metres.
+/// Distance of the nose from the middle of the head, metres.
 const NOSE: f64 = 0.16;
 /// Metres.
 const LIMB_WIDTH: f64 = 0.045;

@@ -1,4 +1,4 @@
-//! Words on the pages of motions: a caption as the lines of a title, facts, and which colour is which side.
+//! Text on the pages of motions: a caption as a title, facts, and the colours of the sides.
 
 use super::room::{length, path};
 use crate::figures::colour::{LEFT_SIDE, RIGHT_SIDE};
@@ -33,13 +33,13 @@ fn pieces(word: &str, em: f64, width: f64) -> Vec<String> {
     pieces
 }
 
-/// Writes a caption from `at` downwards; returns where it ends.
+/// Writes a caption from `at` downwards; returns its lower end.
 pub fn write(scene: &mut Scene, caption: &str, em: f64, at: Point, width: f64) -> f64 {
     let text = plain_text("", at, Anchor::Start, em).bold();
     scene.lines(lines(caption, em, width), 1.35 * em, &text)
 }
 
-/// What one reads of a motion: "6.4 s, 20 frames a second, path 4.2 m".
+/// The facts of a motion: "6.4 s, 20 frames per second, path 4.2 m".
 pub fn facts(poses: &[Pose], fps: f32) -> String {
     let seconds = poses.len() as f64 / f64::from(fps);
     let metres = length(&path(poses));

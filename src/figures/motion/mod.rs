@@ -1,13 +1,13 @@
-//! A motion for people and programs: arrays, BVH, an animated SVG, and a sheet of many.
+//! Writes motions as arrays, BVH, animated SVG, and a sheet of many.
 //!
 //! `features → joints (recovery) → BVH (own inverse kinematics), SVG (camera, ground, body)`.
 //!
 //! | layer | files |
 //! | --- | --- |
-//! | what is seen | `room` (camera and ground), `body` |
+//! | scene | `room` (camera and ground), `body` |
 //! | pages | `animation` (SVG), `sheet` (PNG), `caption` |
 //!
-//! The same motion gives the same bytes. `docs/motion-files.md` tells readers of the files.
+//! The same motion gives the same bytes. `docs/motion-files.md` describes the files.
 
 mod animation;
 mod body;
@@ -18,6 +18,8 @@ mod sheet;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
+
+pub use room::not_drawn;
 
 use super::formats::DrawError;
 use crate::data::write_npy;
@@ -30,7 +32,7 @@ use crate::motion::{N_FEATURES, N_JOINTS, Pose, recover_joints};
 pub struct CaptionedMotion<'a> {
     /// Row-major `[T, 263]`, not normalised.
     pub features: &'a [f32],
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f32,
     pub caption: &'a str,
 }
@@ -44,7 +46,7 @@ pub struct WrittenMotion {
     pub features: PathBuf,
     pub bvh: PathBuf,
     pub svg: PathBuf,
-    /// How far the rigid body of the BVH is from the joints.
+    /// Distance of the BVH's rigid body from the joints.
     pub deviation: Deviation,
 }
 
@@ -67,11 +69,10 @@ pub enum MotionFileError {
 
 /// Writes `<stem>.joints.npy`, `<stem>.features.npy`, `<stem>.bvh` and `<stem>.svg` into `folder`.
 ///
-/// The folder is made where it is missing; each file appears whole, by rename. Nothing is written
-/// of a motion that is refused.
+/// The folder is made if it is missing; each file is renamed into place. Nothing is written for a refused motion.
 ///
 /// # Errors
-/// [`MotionFileError`], where the features are no motion or a file cannot be written.
+/// [`MotionFileError`]: the features are no motion, or a file cannot be written.
 pub fn write_motion(
     folder: &Path,
     stem: &str,
@@ -90,12 +91,12 @@ pub fn write_motion(
     Ok(WrittenMotion { joints, features, bvh, svg, deviation: fitted.deviation })
 }
 
-/// Writes a PNG with a row for each motion: its caption, and eight poses at even times.
+/// Writes a PNG with a row for each motion: its caption, and eight poses at equal intervals.
 ///
 /// All bodies are seen by one camera and drawn to one scale, each with its root in the middle.
 ///
 /// # Errors
-/// [`MotionFileError`], where there is no motion, one is none, or the file cannot be written.
+/// [`MotionFileError`]: there is no motion, one is invalid, or the file cannot be written.
 pub fn write_sheet<'a>(
     path: &Path,
     motions: &[CaptionedMotion<'a>],
@@ -217,6 +218,31 @@ mod tests {
 
     fn number(text: &str) -> f64 {
         text.parse().unwrap()
+    }
+
+    #[test]
+    fn a_motion_that_leaves_the_room_is_told_in_place_of_its_picture() {
+        let (folder, mut far) = (tempfile::tempdir().unwrap(), clip(3));
+        // The speed of the root.
+        far.0[5 * N_FEATURES + 1] = 1e30;
+        let written = write_motion(folder.path(), "0", &motion(&far)).unwrap();
+        let svg = fs::read_to_string(written.svg).unwrap();
+        assert!(svg.contains(" m off the origin") && !svg.contains("<animate"), "{svg}");
+        assert!(svg.len() < 4000, "{} bytes", svg.len());
+        let sheet = |name: &str, clips: &[&(Vec<f32>, String)]| {
+            let motions: Vec<CaptionedMotion> = clips.iter().map(|clip| motion(clip)).collect();
+            write_sheet(&folder.path().join(name), &motions).unwrap();
+            image::open(folder.path().join(name)).unwrap().to_rgb8()
+        };
+        let (near, both) = (sheet("near.png", &[&clip(4)]), sheet("both.png", &[&clip(4), &far]));
+        let rows = near.rows().zip(both.rows());
+        assert!(rows.into_iter().all(|(a, b)| a.eq(b)), "the near one looks as it does alone");
+        assert!(sheet("far.png", &[&far]).height() < near.height());
+        assert_eq!(
+            not_drawn(&[[[f32::NAN; 3]; N_JOINTS]]).unwrap(),
+            "in frame 0 a joint is at no finite place"
+        );
+        assert_eq!(not_drawn(&recover_joints(&clip(4).0)), None);
     }
 
     #[test]

@@ -1,14 +1,14 @@
-//! The room: an orthographic camera, above and beside the body, and the ground at y = 0, with a grid that stands
-//! still and the root's path.
+//! The room: an orthographic camera above and beside the body, and the ground at y = 0 with a fixed grid and the
+//! root's path.
 
 use crate::figures::axis::span;
 use crate::figures::scene::Point;
 use crate::motion::Pose;
 
-/// Where the camera stands, as an angle about the vertical from +z towards +x, degrees: a body that
-/// faces +z walks to the right and a little towards the viewer, its right side nearer.
+/// Angle of the camera about the vertical from +z towards +x, degrees: a body that faces +z walks to the right and a
+/// little towards the viewer, its right side nearer.
 const AZIMUTH: f64 = -55.0;
-/// How far the camera looks down, degrees.
+/// Downward angle of the camera, degrees.
 const ELEVATION: f64 = 20.0;
 
 /// A point as the camera sees it, metres: to the right, upwards, and towards the viewer.
@@ -29,7 +29,7 @@ pub fn see([x, y, z]: [f64; 3]) -> Seen {
     Seen { right, up: y * cos_e - front * sin_e, near: y * sin_e + front * cos_e }
 }
 
-/// The smallest upright rectangle round what is seen.
+/// The bounding rectangle of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     pub left: f64,
@@ -76,12 +76,12 @@ impl Bounds {
     }
 }
 
-/// Where on a page what is seen is drawn.
+/// The placement of the scene on a page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// Page pixels a metre.
     pub scale: f64,
-    /// Where on the page the point is that is seen at 0, 0.
+    /// The page position of the scene's origin.
     pub origin: Point,
 }
 
@@ -94,6 +94,24 @@ impl View {
     pub fn point(&self, point: [f64; 3]) -> Point {
         self.place(see(point))
     }
+}
+
+/// Nobody gets farther in a motion that is drawn, metres: a model that made such a place has diverged.
+const FARTHEST_M: f32 = 1000.0;
+
+/// Why a motion is not drawn, as a clause; `None` if it can be.
+pub fn not_drawn(poses: &[Pose]) -> Option<String> {
+    let is_beyond = |place: &&f32| place.is_nan() || place.abs() > FARTHEST_M;
+    let beyond = |pose: &Pose| pose.as_flattened().iter().find(is_beyond).copied();
+    let mut places = poses.iter().enumerate();
+    let (frame, place) = places.find_map(|(frame, pose)| Some((frame, beyond(pose)?)))?;
+    Some(match place.is_finite() {
+        true => format!(
+            "in frame {frame} a joint is {:.0e} m off the origin, beyond the {FARTHEST_M} m that are drawn",
+            place.abs()
+        ),
+        false => format!("in frame {frame} a joint is at no finite place"),
+    })
 }
 
 // The ground.
@@ -121,8 +139,8 @@ pub fn length(path: &[[f64; 3]]) -> f64 {
     path.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][2] - pair[0][2])).sum()
 }
 
-/// Squares that cover what lies within `margin` metres of a path along x and z, and their side in
-/// metres: [`SPACING`], or twice, four times … as much where the path is long.
+/// Squares that cover the area within `margin` metres of a path along x and z, and their side in metres: [`SPACING`],
+/// or twice, four times … as much for long paths.
 pub fn grid(path: &[[f64; 3]], margin: f64) -> (Vec<Segment>, f64) {
     let range = |c: usize| {
         let [low, high] = span(path.iter().map(|point| point[c]));
@@ -156,7 +174,7 @@ pub fn within([a, b]: Segment, centre: [f64; 3], radius: f64) -> Option<Segment>
     let (fx, fz) = (a[0] - centre[0], a[2] - centre[2]);
     let (p, q, r) = (dx * dx + dz * dz, fx * dx + fz * dz, fx * fx + fz * fz - radius * radius);
     let root = (q * q - p * r).sqrt();
-    // No number where the line misses the circle or the segment has no length.
+    // NaN if the line misses the circle or the segment has no length.
     if !(root / p).is_finite() {
         return None;
     }

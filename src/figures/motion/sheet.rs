@@ -1,10 +1,10 @@
-//! The contact sheet: a row a motion, its poses at even times from left to right.
+//! The contact sheet: one row per motion, its poses at equal intervals from left to right.
 
 use image::RgbImage;
 
 use super::body::{HEAD_RADIUS, REACH, far_to_near, head};
 use super::caption::{self, facts};
-use super::room::{Bounds, Segment, View, patch, path, see, within};
+use super::room::{Bounds, Segment, View, not_drawn, patch, path, see, within};
 use crate::figures::colour::{GRID, INK, MUTED, Rgb, WHITE};
 use crate::figures::font::{Weight, measure};
 use crate::figures::formats::{self, DrawError, raster};
@@ -25,7 +25,7 @@ const GROUND_RADIUS: f64 = 0.55;
 /// White on either side of a line, page pixels: a near limb cuts a far one.
 const HALO: f64 = 1.2;
 
-/// What a row shows: at least one pose.
+/// The content of a row: at least one pose.
 pub struct Row<'a> {
     pub poses: Vec<Pose>,
     pub fps: f32,
@@ -57,9 +57,10 @@ fn shown(n_poses: usize) -> Vec<usize> {
     (0..n).map(|i| ((n_poses - 1) as f64 * i as f64 / last).round() as usize).collect()
 }
 
-/// What is seen of any shown pose with its root in the middle of the ground.
+/// The bounding rectangle of all shown poses with their roots in the middle of the ground.
 fn cell_bounds(row: &Row) -> Bounds {
-    let poses = shown(row.poses.len()).into_iter().map(|frame| &row.poses[frame]);
+    let n_shown = if not_drawn(&row.poses).is_some() { 0 } else { row.poses.len() };
+    let poses = shown(n_shown).into_iter().map(|frame| &row.poses[frame]);
     let joints = poses.flat_map(|pose| {
         let [x, _, z] = pose[0].map(f64::from);
         let joints = pose.iter().map(|joint| joint.map(f64::from));
@@ -73,7 +74,14 @@ fn cell_bounds(row: &Row) -> Bounds {
 impl Row<'_> {
     fn scene(&self, bounds: Bounds) -> Scene {
         let mut scene = Scene::new(WIDTH, 0.0);
-        let top = self.title(&mut scene);
+        let reason = not_drawn(&self.poses);
+        let is_drawn = reason.is_none();
+        let facts = reason.unwrap_or_else(|| facts(&self.poses, self.fps));
+        let top = self.title(&mut scene, &facts);
+        if !is_drawn {
+            scene.height = (top + MARGIN / 2.0).ceil();
+            return scene;
+        }
         let scale = (CELL_WIDTH / bounds.width()).min(CELL_HEIGHT / bounds.height());
         let height = scale * bounds.height();
         let middle = (bounds.left + bounds.right) / 2.0;
@@ -90,13 +98,12 @@ impl Row<'_> {
     }
 
     /// Writes caption and facts; returns where they end.
-    fn title(&self, scene: &mut Scene) -> f64 {
-        let facts = facts(&self.poses, self.fps);
-        let room = measure(&facts, Weight::Normal, LABEL_EM) + 24.0;
+    fn title(&self, scene: &mut Scene, facts: &str) -> f64 {
+        let room = measure(facts, Weight::Normal, LABEL_EM) + 24.0;
         let (corner, width) = ((MARGIN, MARGIN / 2.0), WIDTH - 2.0 * MARGIN - room);
         let y = caption::write(scene, self.caption, TITLE_EM, corner, width);
         let at = (WIDTH - MARGIN, MARGIN / 2.0 + 0.95 * TITLE_EM);
-        scene.text(plain_text(&facts, at, Anchor::End, LABEL_EM).coloured(MUTED));
+        scene.text(plain_text(facts, at, Anchor::End, LABEL_EM).coloured(MUTED));
         y.max(MARGIN / 2.0 + 1.35 * TITLE_EM) + 4.0
     }
 

@@ -1,8 +1,8 @@
-//! Runs that a program of somebody's own trains, `trainer: {command: …}`, and tokenizers that the trainer in PyTorch
-//! trains, `tokenizer: {trainer: torch}`.
+//! Training by other programs: runs by a user's trainer, `trainer: {command: …}`, and tokenizers by PyTorch,
+//! `tokenizer: {trainer: torch}`.
 //!
-//! The worker writes what is to be trained (`trainer.json`), starts the program beside a guard that
-//! outlives the worker, forwards its progress, and checks what it leaves (`result.json`).
+//! The worker writes the specification (`trainer.json`), starts the program with a guard that outlives the worker,
+//! forwards its progress, and checks its result (`result.json`).
 
 mod process;
 mod result;
@@ -22,7 +22,7 @@ use anyhow::{Context, Result};
 use serde::Deserialize;
 
 use super::assignment::{Assignment, Outcome};
-use super::assignment::{LOG, MODEL, TEST_CLIPS};
+use super::assignment::{LOG, MODEL, TEST_CLIPS, weights_notes};
 use super::folder::{CHECKPOINT, ResultsFolder};
 use super::job::{JobId, JobKind};
 use super::worker;
@@ -37,7 +37,7 @@ use crate::sweep::TrainerCommand;
 use crate::tokenizer::{Corpus, Handover, HandoverFiles, Tokenizer, taken_back};
 use result::refusal;
 
-/// How long the worker of a job takes for an orderly end, once a stop is asked for: longer than a program of its own may.
+/// Time for a worker to end after a stop request: longer than for its program.
 pub fn grace(folder: &ResultsFolder, job: &JobId) -> Duration {
     let of_run = |spec: RunSpec| spec.trainer.is_some();
     let of_tokenizer = |job: TokenizerJob| !job.spec.trainer.is_built_in();
@@ -49,7 +49,7 @@ pub fn grace(folder: &ResultsFolder, job: &JobId) -> Duration {
     if has_program { GRACE + 2 * worker::GRACE } else { worker::GRACE }
 }
 
-/// Has a program train a run, and writes the record from what it leaves.
+/// Trains a run by a program, and writes the record from its result.
 pub fn run_program(
     assignment: &Assignment,
     run: &RunSpec,
@@ -91,12 +91,23 @@ pub fn run_program(
             let run = FinishedRun { folder, id, spec: run, tokens, max_text_tokens, ran_s };
             let record = run.record(&result);
             write_json(&place.join("record.json"), &record).context("writing record.json")?;
-            spec.init.iter().try_for_each(|init| remove(init))?;
-            fs::remove_dir_all(&spec.checkpoint).context("removing the checkpoint")?;
+            tidy(&spec);
             Ok(Outcome::Done)
         }
         Err(_) if stop.is_raised() => Ok(Outcome::Stopped),
         Err(failure) => Ok(Outcome::Failed(failure)),
+    }
+}
+
+/// Removes what a finished run needs no more. The program may have removed it, and the run is done either way.
+#[expect(clippy::print_stderr, reason = "what a worker writes there is the log of its job")]
+fn tidy(spec: &TrainerSpec) {
+    let removed = fs::remove_dir_all(&spec.checkpoint);
+    let removed = removed.map_err(|error| format!("{}: {error}", spec.checkpoint.display()));
+    let left = removed.err().filter(|_| spec.checkpoint.exists());
+    let init = spec.init.iter().filter_map(|init| Some(remove(init).err()?.to_string()));
+    for reason in left.into_iter().chain(init) {
+        eprintln!("warning: the run is done, and a file that it needs no more is left: {reason}");
     }
 }
 
@@ -137,8 +148,8 @@ fn prepare(spec: &TrainerSpec, command: &TrainerCommand, place: &Path) -> Result
     }))
 }
 
-/// The interpreter of the trainer in PyTorch: `ISOFLOP_PYTHON`, or else the one beside this program, as in a
-/// virtual environment, or else the first on the path.
+/// The interpreter of the PyTorch trainer: `ISOFLOP_PYTHON`; else the one next to this program, as in a virtual
+/// environment; else the first on the path.
 pub fn python() -> PathBuf {
     let named = std::env::var_os("ISOFLOP_PYTHON").filter(|name| !name.is_empty());
     let beside = || {
@@ -158,7 +169,7 @@ fn of_torch(problem: Failure) -> Failure {
     }
 }
 
-/// Puts the weights of a result into the run's folder; the sentence where they are not the run's.
+/// Moves the weights of a result into the run's folder; an error message if they do not fit the run.
 fn keep_weights(
     result: &TrainerResult,
     place: &Path,
@@ -173,7 +184,7 @@ fn keep_weights(
         let sources = sources.collect();
         // Whoever makes motions of them will ask for the same.
         generator::of(run).sampler(run, found, assignment.device)?;
-        weights::save(&place.join(MODEL), &sources, HashMap::new())?;
+        weights::save(&place.join(MODEL), &sources, weights_notes(&assignment.job.id))?;
         if path != place.join(MODEL) {
             remove(&path)?;
         }
@@ -188,10 +199,10 @@ fn keep_weights(
 /// The module that trains tokenizers.
 const MODULE: &str = "isoflop.torch.tokenizer";
 
-/// What the trainer leaves: losses and times are for people.
+/// The trainer's result; losses and times are informative.
 #[derive(Deserialize)]
 struct TokenizerResult {
-    /// The weights, beside the result or by their whole path.
+    /// The weights, next to the result or by absolute path.
     weights: PathBuf,
 }
 

@@ -1,15 +1,16 @@
-//! The program itself, started, followed to its end and never left behind; and its guard.
+//! Starts a user's trainer, follows it to its end and never leaves it behind; and its guard.
 //!
-//! The guard is a small process that outlives its worker for as long as the worker's program. A worker can be
-//! killed, and a program may start others in sessions of their own, as torchrun does. The guard leads the program's
-//! process group and knows all that descends from it by a mark in the environment. It holds a lock, so that the next
-//! worker's program starts only when nothing of the last is left.
+//! The guard is a small process that outlives its worker until the worker's program has ended. A worker can be killed,
+//! and a program may start others in separate sessions, as torchrun does. The guard leads the program's process group
+//! and recognises all descendants by a mark in the environment. It holds a lock, so that the next worker's program
+//! starts only after every process of the last one has ended.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
@@ -22,16 +23,16 @@ use crate::jobs::worker::{bound_log, killed_by};
 use crate::machine::Kills;
 use crate::progress::{Beat, Said, Stop, stop_on_signals};
 
-/// How often the program and the stop flag are looked at.
+/// Time between polls of the program and the stop flag.
 const POLL: Duration = Duration::from_millis(10);
 /// Between two forwarded beats.
 const BEAT: Duration = Duration::from_millis(100);
 /// Bytes of its output that are copied at once.
-const AT_ONCE: u64 = 1 << 16;
+const AT_ONCE: usize = 1 << 16;
 /// Time for the last lines to arrive after the program's end.
 const LAST_OUTPUT: Duration = Duration::from_secs(2);
 
-/// Runs a program to its end; what went wrong, or `None` where it ended well.
+/// Runs a program to its end; returns the failure, or `None` if it succeeded.
 ///
 /// Its output goes to this process's standard error, which is the run's log.
 pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<Option<Failure>> {
@@ -45,21 +46,23 @@ pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<O
             return Ok(Some(Failure::new(FailureKind::Trainer, sentence)));
         }
     };
-    let lines = forward(child.stdout.take().expect("stdout is piped"));
-    let ended = follow(&mut child, &mut guard, place, stop);
+    let (sender, beats) = mpsc::channel();
+    let lines = forward(child.stdout.take().expect("stdout is piped"), sender);
+    let ended = follow(&mut child, &mut guard, place, stop, &beats);
     guard.finish()?;
     let waited = Instant::now();
     while !lines.is_finished() && waited.elapsed() < LAST_OUTPUT {
         sleep(POLL);
     }
+    say_last(&beats);
     bound_log(place);
     let status = ended?;
     let sentence = || format!("the trainer `{}` ended with {status}", words[0]);
     Ok((!status.success()).then(|| Failure::new(kind(status, &kills), sentence())))
 }
 
-/// Whether a program failed by itself or was ended by others; a shell tells of its last command's
-/// end by 128 and the signal.
+/// Whether a program failed by itself or was killed; a shell reports a signal of its last command as 128 plus the
+/// signal.
 fn kind(status: ExitStatus, kills: &Kills) -> FailureKind {
     let signal = status.signal().or_else(|| status.code()?.checked_sub(128));
     killed_by(signal, kills).unwrap_or(FailureKind::Trainer)
@@ -75,9 +78,20 @@ fn start(words: &[String], guard: &Guard) -> io::Result<Child> {
     command.process_group(guard.child.id() as i32).spawn()
 }
 
-/// Waits for the program's end and keeps its log in bounds; a stop makes the guard end it.
-fn follow(child: &mut Child, guard: &mut Guard, place: &Path, stop: &Stop) -> Result<ExitStatus> {
+/// Waits for the program's end, tells of its progress and keeps its log in bounds; a stop makes the guard end it.
+fn follow(
+    child: &mut Child,
+    guard: &mut Guard,
+    place: &Path,
+    stop: &Stop,
+    beats: &Receiver<Beat>,
+) -> Result<ExitStatus> {
+    let mut said = Instant::now();
     loop {
+        if said.elapsed() > BEAT {
+            said = Instant::now();
+            say_last(beats);
+        }
         bound_log(place);
         if let Some(status) = child.try_wait().context("waiting for the trainer")? {
             return Ok(status);
@@ -86,28 +100,50 @@ fn follow(child: &mut Child, guard: &mut Guard, place: &Path, stop: &Stop) -> Re
             guard.leash = None;
         }
         if guard.child.try_wait()?.is_some() {
-            // Without a guard nobody would end it if this process died.
+            // Without a guard the program would survive this process.
             child.kill()?;
         }
         sleep(POLL);
     }
 }
 
-/// Copies lines to the log, and prints those that are beats. A line without an end is copied in parts.
-fn forward(output: impl Read + Send + 'static) -> JoinHandle<()> {
+/// Prints the last of the beats that have come.
+fn say_last(beats: &Receiver<Beat>) {
+    beats.try_iter().last().map(Said::Beat).iter().for_each(Said::say);
+}
+
+/// Copies lines to the log, and sends those that are beats.
+fn forward(output: impl Read + Send + 'static, beats: Sender<Beat>) -> JoinHandle<()> {
     spawn(move || {
-        let (mut reader, mut line, mut last) =
-            (BufReader::new(output), Vec::new(), None::<Instant>);
-        while (&mut reader).take(AT_ONCE).read_until(b'\n', &mut line).is_ok_and(|n| n > 0) {
-            let _ = io::stderr().write_all(&line);
-            let due = last.is_none_or(|last| last.elapsed() > BEAT);
-            if let (true, Ok(beat)) = (due, serde_json::from_slice::<Beat>(&line)) {
-                last = Some(Instant::now());
-                Said::Beat(beat).say();
+        in_lines(BufReader::new(output), |line| {
+            let _ = io::stderr().write_all(line);
+            if let Ok(beat) = serde_json::from_slice(line) {
+                let _ = beats.send(beat);
             }
+        });
+    })
+}
+
+/// Hands over line after line with its end, `\n` or the `\r` after which a line is written over; one of more than
+/// [`AT_ONCE`] bytes in parts.
+fn in_lines(mut output: impl BufRead, mut take: impl FnMut(&[u8])) {
+    let mut line = Vec::new();
+    while let Ok(bytes) = output.fill_buf()
+        && !bytes.is_empty()
+    {
+        let room = &bytes[..bytes.len().min(AT_ONCE - line.len())];
+        let end = room.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+        let used = end.map_or(room.len(), |end| end + 1);
+        line.extend_from_slice(&room[..used]);
+        output.consume(used);
+        if end.is_some() || line.len() == AT_ONCE {
+            take(&line);
             line.clear();
         }
-    })
+    }
+    if !line.is_empty() {
+        take(&line);
+    }
 }
 
 /// This side of a guard process.
@@ -133,7 +169,7 @@ impl Guard {
         Ok(Self { child, leash, mark })
     }
 
-    /// Has it end what the program left running, and waits for that.
+    /// Lets it end the program's leftover processes, and waits for that.
     fn finish(mut self) -> Result<()> {
         if let Some(mut leash) = self.leash.take() {
             let _ = leash.write_all(DONE.as_bytes());
@@ -149,9 +185,9 @@ impl Guard {
 const MARK: &str = "ISOFLOP_RUN";
 /// Held by the guard in the run's folder, with the number of its process group in it.
 const LOCK: &str = ".program.lock";
-/// What the guard prints once it holds the lock.
+/// The guard's message once it holds the lock.
 const READY: &str = "ready";
-/// What the worker writes when the program has ended by itself.
+/// The worker's message when the program has ended by itself.
 const DONE: &str = "done";
 
 /// Time for a program to write a checkpoint and end, once a stop is asked for.
@@ -161,17 +197,17 @@ const GUARD_POLL: Duration = Duration::from_millis(25);
 /// Time for killed processes to be gone.
 const LAST_KILLS: Duration = Duration::from_secs(2);
 
-/// Waits for the end of standard input, then ends what is left of the program.
+/// Waits for the end of standard input, then ends leftover processes of the program.
 ///
-/// After `done` leftovers are killed. Without it the worker was stopped or died: the group is sent
-/// TERM, and what is still there after [`GRACE`] is killed.
+/// After `done`, leftovers are killed. Without it the worker was stopped or died: the group is sent TERM, and killed
+/// after [`GRACE`].
 pub fn guard(lock: &Path, mark: &str) -> Result<()> {
     ensure!(getpgrp() == getpid(), "a guard leads a process group of its own");
     // The TERM to its group reaches the guard too.
     let _ignored = stop_on_signals()?;
     let file = File::create(lock).with_context(|| format!("making {}", lock.display()))?;
     file.lock().context("waiting for the program of an earlier worker")?;
-    // For `wake_guard`; whoever reads it finds it where it can be written.
+    // For `wake_guard`.
     let _ = file.set_len(0).and_then(|()| (&file).write_all(getpid().to_string().as_bytes()));
     let _ = writeln!(io::stdout(), "{READY}");
     let mut said = String::new();
@@ -185,8 +221,7 @@ pub fn guard(lock: &Path, mark: &str) -> Result<()> {
     Ok(())
 }
 
-/// Lets a guard go on, and its program, that somebody has stopped: with its worker gone, it ends
-/// what is left.
+/// Continues a stopped guard and its program: without its worker, the guard then ends leftover processes.
 pub fn wake_guard(place: &Path) {
     let path = place.join(LOCK);
     let is_held = File::open(&path)
@@ -247,7 +282,7 @@ fn members(mark: &str) -> Vec<Pid> {
 #[cfg(target_os = "linux")]
 fn alive_in(pid: Pid) -> Option<Pid> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // The name stands in brackets and may hold anything; then: state, parent, group.
+    // The name is in brackets and may contain anything; then: state, parent, group.
     let mut fields = stat.rsplit_once(") ")?.1.split(' ');
     let dead = matches!(fields.next()?, "Z" | "X");
     let group = fields.nth(1)?.parse().ok()?;
@@ -258,4 +293,21 @@ fn alive_in(pid: Pid) -> Option<Pid> {
 #[cfg(not(target_os = "linux"))]
 fn members(_: &str) -> Vec<Pid> {
     vec![getpid()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_of_a_line_are_told_apart_and_an_endless_line_comes_in_parts() {
+        let text = [b"{1}\r{2}\r\n{3}\n".to_vec(), vec![b'x'; 2 * AT_ONCE + 5]].concat();
+        let mut parts = Vec::new();
+        // A pipe gives what it has at the time.
+        in_lines(BufReader::with_capacity(7, &text[..]), |line| parts.push(line.to_vec()));
+        assert_eq!(parts.concat(), text);
+        assert_eq!(parts[..4], [&b"{1}\r"[..], b"{2}\r", b"\n", b"{3}\n"]);
+        let lengths: Vec<usize> = parts[4..].iter().map(Vec::len).collect();
+        assert_eq!(lengths, [AT_ONCE, AT_ONCE, 5]);
+    }
 }

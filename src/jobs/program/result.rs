@@ -1,5 +1,5 @@
-//! [`TrainerResult`]: what a program leaves at `{out}`, checked; and the record of a finished run, whoever trained it:
-//! the one place where records are made.
+//! [`TrainerResult`]: the checked result of a program at `{out}`. Also makes the records of all finished runs, by any
+//! trainer.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ use crate::record::{Measured, Metrics, Planned, RunRecord, block_metric};
 use crate::spec::flops::TRAINING_PER_FORWARD;
 use crate::spec::{RunSpec, TokenizerJob};
 
-/// The result of a run; for every key but the losses the plan's value stands in.
+/// The result of a run; missing keys other than losses take the plan's value.
 ///
 /// Counts may be written as `1e6`.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -27,16 +27,15 @@ use crate::spec::{RunSpec, TokenizerJob};
 pub struct TrainerResult {
     /// Cross-entropy on the test split, per supervised token.
     pub loss_nats: f64,
-    /// L_u: what the laws are fitted to. One of this and `unigram_nats` is needed.
+    /// L_u, to which laws are fitted. One of this and `unigram_nats` is required.
     pub loss_normalised: Option<f64>,
     /// Cross-entropy of the unigram model on the same targets.
     pub unigram_nats: Option<f64>,
-    /// Parameters of the model as built, by group: those that are no matrix of the vocabulary, N_v = V·d, and
-    /// those that read the text.
+    /// Parameters of the model as built, by group: outside the vocabulary's matrices, N_v = V·d, and for the text.
     pub params_nonvocab: Option<f64>,
     pub params_vocab: Option<f64>,
     pub params_text: Option<f64>,
-    /// D, where the program trained on other than the planned tokens.
+    /// D, if the program trained on a different number of tokens than planned.
     pub tokens: Option<f64>,
     pub unique_tokens: Option<f64>,
     pub steps: Option<f64>,
@@ -52,28 +51,28 @@ pub struct TrainerResult {
     /// By default the time that the program ran since it was last started.
     pub wall_s: Option<f64>,
     pub tokens_per_s: Option<f64>,
-    /// Not known where it is left out.
+    /// Unknown if missing.
     pub peak_bytes: Option<f64>,
-    /// What it computed on, `custom` by default.
+    /// The device, `custom` by default.
     pub device: Option<String>,
-    /// L_u of the codes of each scale, where there are several.
+    /// L_u of the codes of each scale, if there are several.
     #[serde(default)]
     pub normalised_by_scale: Vec<f64>,
-    /// The sums of each clip of the test split, in its order: what other test clips would give follows.
+    /// The sums of each clip of the test split, in its order, to estimate the effect of other test clips.
     #[serde(default)]
     pub clips: Vec<Sums>,
     /// The validation curve.
     #[serde(default)]
     pub log: Vec<LogLine>,
-    /// A safetensors file with the weights under the built-in model's names, beside the result or by its
-    /// whole path: motions can then be made of the run.
+    /// A safetensors file with the weights under the built-in model's names, next to the result or by absolute path: the
+    /// run can then generate motions.
     pub weights: Option<PathBuf>,
 }
 
 /// A loss beyond this many nats is none.
 const LARGEST_LOSS: f64 = 1e6;
 
-/// What a program leaves at `{out}` in place of a result, where it knows why there is none.
+/// The error document of a program at `{out}` in place of a result.
 #[derive(Deserialize)]
 struct Refusal {
     error: String,
@@ -85,14 +84,14 @@ fn trainer() -> FailureKind {
     FailureKind::Trainer
 }
 
-/// Why there is no result, in the program's own words; `None` where it left none.
+/// Why there is no result, in the program's own words; `None` if it left none.
 pub fn refusal(path: &Path) -> Option<Failure> {
     let Refusal { error, kind } = read_if_there(path).ok().flatten()?;
     Some(Failure::new(kind, error))
 }
 
 impl TrainerResult {
-    /// Reads and checks a result; says in one sentence what is wrong with it.
+    /// Reads and checks a result; the error is one sentence.
     pub fn read(path: &Path) -> Result<Self, String> {
         let shown = path.display();
         let bytes = read_regular(path, LARGE).map_err(|error| match error.kind() {
@@ -175,24 +174,24 @@ impl TrainerResult {
 
 // The record.
 
-/// Frames of a code that stands for no fixed number of them.
+/// Frames assumed per code if their number is not fixed.
 const FRAMES_PER_CODE: f64 = 4.0;
 
-/// A run whose trainer has ended, beside what that says of it.
+/// A run whose trainer has ended, with its result.
 pub struct FinishedRun<'a> {
     pub folder: &'a ResultsFolder,
     pub id: &'a str,
     pub spec: &'a RunSpec,
-    /// The codes that it was trained on; `None` where isoflop has none.
+    /// The codes that it was trained on; `None` if isoflop has none.
     pub tokens: Option<&'a TokenStore>,
-    /// Words of the longest caption, for FLOPs that the trainer did not count: those of full contexts.
+    /// Words of the longest caption, to count FLOPs that the trainer did not report, at full context.
     pub max_text_tokens: usize,
     /// Seconds since the trainer was started.
     pub ran_s: f64,
 }
 
 impl FinishedRun<'_> {
-    /// The record; for what the result does not say the plan's value stands in.
+    /// The record; missing values take the plan's.
     pub fn record(&self, result: &TrainerResult) -> RunRecord {
         RunRecord::new(self.planned(result), self.measured(result), self.metrics(result))
     }
@@ -241,7 +240,7 @@ impl FinishedRun<'_> {
         let known = codes.map_or(0, |codes| codes.training_targets(spec.share));
         let unique = or(result.unique_tokens, known);
         let zero_count = codes.map_or(0, TokenStore::zero_count_targets);
-        // Only the exact count, where it is not known, asks for the words.
+        // Only the exact count, if unknown, asks for the words.
         let words = if result.flops_exact.is_some() { 0 } else { self.max_text_tokens };
         let per_token = spec.generator.flops_per_token(&spec.codes, words);
         let training = |forward: f64| TRAINING_PER_FORWARD * forward * tokens as f64;

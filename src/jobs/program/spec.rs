@@ -1,4 +1,4 @@
-//! [`TrainerSpec`]: what a program is told of the run that it should train.
+//! [`TrainerSpec`]: the specification of a run for a user's trainer.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf, absolute};
@@ -36,13 +36,13 @@ pub struct TrainerSpec {
     pub version: u32,
     pub run_id: String,
     pub seed: u64,
-    /// The kind of generator with all that it is told.
+    /// The kind of generator with its options.
     pub generator: GeneratorSpec,
     /// The scales of the codes.
     pub grid: Grid,
     /// The layers and widths of the generator.
     pub shape: ModelShape,
-    /// What products are computed in.
+    /// The precision of products.
     pub precision: Precision,
     /// V, without special tokens.
     pub n_vocab: usize,
@@ -71,7 +71,7 @@ pub struct TrainerSpec {
     pub checkpoint_s: f64,
     /// Frames per second of the data.
     pub fps: f64,
-    /// Distinct supervised tokens in the training split; 0 where isoflop has no data.
+    /// Distinct supervised tokens in the training split; 0 if isoflop has no data.
     pub unique_tokens: usize,
     /// The clips of the training split that the run sees, by their place in it; `null` for all.
     pub clips: Option<Vec<usize>>,
@@ -81,19 +81,18 @@ pub struct TrainerSpec {
     pub gpu_bytes: u64,
     /// Dense bf16 FLOP/s of cards, by a word of the driver's name of the device.
     pub peak_flops: BTreeMap<&'static str, f64>,
-    /// The tokenizer's folder, the codes and the embedded captions; `null` where there are none.
+    /// The tokenizer's folder, the codes and the embedded captions; `null` if there are none.
     pub tokenizer: Option<PathBuf>,
     pub codes: Option<PathBuf>,
     pub text: Option<PathBuf>,
-    /// The same paths as `{out}`, `{checkpoint}` and `{init}`; the last is `null` where the command does not
-    /// ask for it.
+    /// The same paths as `{out}`, `{checkpoint}` and `{init}`; the last is `null` if the command does not use it.
     pub out: PathBuf,
     pub checkpoint: PathBuf,
     pub init: Option<PathBuf>,
 }
 
 impl TrainerSpec {
-    /// Gathers what the run's spec says and where its inputs lie.
+    /// Combines the run's spec with the paths of its inputs.
     pub fn new(
         folder: &ResultsFolder,
         id: &str,

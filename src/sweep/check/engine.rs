@@ -1,4 +1,4 @@
-//! What types alone cannot say of the `engine` section and of a profile file.
+//! Checks of the `engine` section and of a profile file, beyond types.
 
 use crate::machine::{self, CARDS};
 use crate::sweep::problem::{Problem, nearest};
@@ -25,7 +25,7 @@ fn gpu(section: &EngineSection) -> Vec<Problem> {
     unknown.into_iter().collect()
 }
 
-/// Problems of a section whose keys stand under `prefix`.
+/// Problems of a section with its keys under `prefix`.
 pub fn slurm(section: &SlurmSection, prefix: &str) -> Vec<Problem> {
     let mut problems = resources(&section.resources(), prefix);
     for (stage, of_stage) in section.stages.iter().flatten() {

@@ -1,11 +1,11 @@
-//! Impossible settings of the grid: models, vocabularies, budgets and how they are combined.
+//! Checks for impossible settings of the grid: models, vocabularies, budgets and their combination.
 
 use crate::spec::{QuantizerSection, VocabularyError, is_torch};
 use crate::sweep::cells::{Condition, MODEL_LISTS, models, named_models};
 use crate::sweep::problem::{Problem, nearest};
 use crate::sweep::sections::{Axis, GridPart, GridSection, ModelList, Sweep, VocabSpec};
 
-/// What is wrong with the grid.
+/// Problems of the grid.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
     [
         model_list(sweep),
@@ -21,7 +21,7 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
     .concat()
 }
 
-/// What is wrong with further parts, each looked at as a grid of its own.
+/// Problems of further parts, each checked as a separate grid.
 fn also(sweep: &Sweep) -> Vec<Problem> {
     let of_part = |(i, part): (usize, &GridPart)| {
         let own = Sweep { grid: part.alone(), ..sweep.clone() };
@@ -78,7 +78,7 @@ fn vocab(sweep: &Sweep) -> Vec<Problem> {
     }
     let section = sweep.tokenizer.quantizer();
     if section.check().is_err() {
-        // The problem is told at its own key.
+        // The problem is reported at its own key.
         return Vec::new();
     }
     let wrong = |(i, entry): (usize, &VocabSpec)| {
@@ -149,7 +149,7 @@ pub(super) fn conditions(path: &str, texts: &[String]) -> Vec<Problem> {
     texts.iter().enumerate().filter_map(problem).collect()
 }
 
-/// What is wrong with `grid.shares`.
+/// Problems of `grid.shares`.
 fn shares(sweep: &Sweep) -> Vec<Problem> {
     const PATH: &str = "grid.shares";
     let shares = &sweep.grid.shares;
@@ -170,7 +170,7 @@ fn shares(sweep: &Sweep) -> Vec<Problem> {
     problems
 }
 
-// Entries that stand twice: each would train the same runs twice, side by side in one folder.
+// Repeated entries: each would train the same runs twice, in parallel in one folder.
 
 /// The second of each pair of equal seeds, and of equal entries of an axis or a group of axes.
 fn repeated(sweep: &Sweep) -> Vec<Problem> {
@@ -183,7 +183,7 @@ fn repeated(sweep: &Sweep) -> Vec<Problem> {
     paths.map(|path| Problem::value(path, "stands in the list a second time")).collect()
 }
 
-/// What a group of axes holds at each index, up to the end of its shortest axis.
+/// The values of a group of axes at each index, up to the end of its shortest axis.
 fn rows(sweep: &Sweep, group: &[Axis]) -> Vec<Vec<String>> {
     let columns: Vec<Vec<String>> = group.iter().map(|axis| entries(sweep, *axis)).collect();
     let length = columns.iter().map(Vec::len).min().unwrap_or(0);
@@ -209,7 +209,7 @@ fn path(sweep: &Sweep, axis: Axis, i: usize) -> String {
     }
 }
 
-/// By its quantizer, where it has one: 256 and `{levels: [8, 6, 5]}` are the same.
+/// By its quantizer, if it has one: 256 and `{levels: [8, 6, 5]}` are the same.
 fn vocabulary(entry: &VocabSpec, section: &QuantizerSection) -> String {
     entry
         .quantizer(section)
@@ -221,7 +221,7 @@ fn second<T: PartialEq>(values: &[T]) -> Option<usize> {
     (1..values.len()).find(|&i| values[..i].contains(&values[i]))
 }
 
-/// Where the model of an index stands: in a list, or as a width of a rule.
+/// The path of a model by index: in a list, or as a width of a rule.
 fn model_path(models: &ModelList, i: usize) -> String {
     match models {
         ModelList::Rule(_) => format!("grid.models.d_model[{i}]"),

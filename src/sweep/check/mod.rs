@@ -1,4 +1,4 @@
-//! What types alone cannot say: every impossible setting, with its path and how to mend it.
+//! Checks beyond types: every impossible setting, with its path and remedy.
 
 pub mod engine;
 mod grid;
@@ -16,7 +16,7 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
     problems
 }
 
-/// Those that do not come of what it varies.
+/// The problems that do not come from varied keys.
 fn of_one_variant(sweep: &Sweep) -> Vec<Problem> {
     [
         name(sweep),
@@ -141,7 +141,7 @@ fn trainer(sweep: &Sweep) -> Vec<Problem> {
     vec![Problem::value("trainer.command", error.to_string()).with_help(help)]
 }
 
-/// What is wrong with `train` and `fit`, beside the ranges of their numbers.
+/// Problems of `train` and `fit`, beside the ranges of their numbers.
 fn training(sweep: &Sweep) -> Vec<Problem> {
     let train = &sweep.train;
     let (schedule, batch) = (&train.schedule, &train.batch);

@@ -1,5 +1,5 @@
-//! What a sweep file lies over: a preset, a whole sweep by its name (docs/presets.md), or a file that it
-//! includes, and that over its own.
+//! The base of a sweep file: a preset, a complete sweep by name (docs/presets.md), or an included file with its own
+//! base.
 
 use std::path::{Path, PathBuf};
 
@@ -13,14 +13,14 @@ use super::yaml;
 #[derive(Clone, Copy, Debug)]
 pub struct Preset {
     pub name: &'static str,
-    /// A sweep file. Its comments say what it has of its source, and what it has not.
+    /// A sweep file. Its comments list what it shares with its source, and the differences.
     pub text: &'static str,
 }
 
 /// Presets from the names of their files.
 macro_rules! presets {
     ($($name:literal,)*) => {
-        /// The names of all presets: systems of papers, then those that train in minutes.
+        /// The names of all presets: systems of papers, then small ones that train in minutes.
         pub const NAMES: [&str; [$($name),*].len()] = [$($name),*];
 
         const PRESETS: [Preset; NAMES.len()] =
@@ -53,7 +53,7 @@ pub fn find(name: &str) -> Option<&'static Preset> {
     PRESETS.iter().find(|preset| preset.name == name)
 }
 
-/// The preset that a path names, where there is no such file.
+/// The preset named by a path, if no such file exists.
 pub fn at(path: &Path) -> Option<&'static Preset> {
     if path.is_file() { None } else { find(path.to_str()?) }
 }
@@ -80,8 +80,8 @@ pub(super) struct Layers {
 }
 
 impl Layers {
-    /// Keys that were read from a source, over those of the file that it includes, over those of the
-    /// preset that either names; `above` are the files that include this one.
+    /// The keys of a source over those of the file that it includes, over those of the preset that either names; `above`
+    /// are the files that include this one.
     ///
     /// # Errors
     /// A file cannot be read, is no YAML or includes itself; there is no preset of that name.
@@ -105,7 +105,7 @@ impl Layers {
         Ok(Self { keys, sources: [vec![source], below.sources].concat() })
     }
 
-    /// Those of a file, from the folder of the one that includes it; `preset` goes before its own.
+    /// The keys of a file, relative to the folder of the including one; `preset` overrides its own preset.
     fn of_file(
         file: &Value,
         preset: Option<&Value>,

@@ -35,7 +35,7 @@ with the nearest valid name.
 
 const EXAMPLE: &str = include_str!("../../../experiments/quickstart.yaml");
 
-/// The JSON Schema of sweep files, `docs/sweep.schema.json`: what a preset has need not be written.
+/// The JSON Schema of sweep files, `docs/sweep.schema.json`; keys of a preset are optional.
 pub fn schema() -> Value {
     let mut schema = schema_for!(Sweep).to_value();
     two_ways(&mut schema);
@@ -125,14 +125,14 @@ impl Page {
         }
     }
 
-    /// What the words of a value mean, and the ways to write it; `told` are those that were told.
+    /// The meaning of a value's words, and its notations; `told` are already described ones.
     fn words(&mut self, node: Node<'_>, path: &[Step], told: &mut Vec<String>) {
         match node.kind() {
             Kind::Names(of) => self.words(of, &[path, &[Step::AnyKey]].concat(), told),
             Kind::List(of) => self.words(of, &[path, &[Step::Entry]].concat(), told),
             Kind::Choice(words) => {
                 if !told.contains(&node.in_words()) {
-                    // Words without a description of their own stand together.
+                    // Words without a description are listed together.
                     let own = |word: &Node<'_>| word.remark().filter(|_| word.words().len() == 1);
                     let meaning = |word| own(word).unwrap_or_default();
                     let meanings = words.iter().map(|word| (word.in_words(), meaning(word)));
@@ -173,7 +173,7 @@ fn line(section: Node<'_>, key: &str, node: Node<'_>) -> String {
     format!("| {} |\n", cells.join(" | "))
 }
 
-/// `grid.models[].d_model`, and `*` for a key of one's own choice.
+/// `grid.models[].d_model`, and `*` for a free key.
 fn dotted(path: &[Step]) -> String {
     let text: String = path
         .iter()
@@ -186,10 +186,10 @@ fn dotted(path: &[Step]) -> String {
     text.trim_start_matches('.').to_string()
 }
 
-// What a sweep file must have, where no preset or file below it may have it already.
+// Required keys of a sweep file without a preset or included file.
 
-/// Takes out of the schema what sections must have, and puts in its place the two ways to write a file: over
-/// a preset or a file nothing is wanted, and without one all that was taken out.
+/// Moves the required keys of sections into two alternatives: over a preset or a file nothing is required; without
+/// one, all of them are.
 fn two_ways(schema: &mut Value) {
     let written = schema.as_object_mut().and_then(|file| file.remove("required"));
     let mut whole = json!({ "required": written.unwrap_or_default() });
@@ -215,7 +215,7 @@ fn sections(schema: &Value, section: &Value, above: &[String]) -> Vec<Vec<String
     keys.iter().flat_map(within).collect()
 }
 
-/// The definition that a key's value has, itself or beside null.
+/// The definition of a key's value, alone or with null.
 fn definition(value: &Value) -> Option<&str> {
     let several = value["anyOf"].as_array().into_iter().flatten();
     let mut named = std::iter::once(value).chain(several).filter_map(|way| way["$ref"].as_str());
@@ -234,7 +234,7 @@ fn at<'a>(schema: &'a mut Value, path: &[String]) -> Option<&'a mut Map<String, 
     schema["$defs"][&name].as_object_mut()
 }
 
-/// Adds what the section at a path must have.
+/// Adds the required keys of the section at a path.
 fn want(whole: &mut Value, path: &[String], wanted: Value) {
     let mut place = whole;
     for key in path {

@@ -1,10 +1,10 @@
-//! A JSON schema in the words of the people who write sweep files, and the order of keys, which it forgets.
+//! A JSON schema described for users, and the order of keys, which a schema does not keep.
 
 use serde_json::Value;
 use serde_yaml::{Mapping, Value as Yaml};
 
-use crate::sweep::check::ranges::in_words;
 use crate::sweep::sections::Sweep;
+use crate::units::ranges::in_words;
 
 /// A schema, and the definitions that its references lead to.
 #[derive(Clone, Copy)]
@@ -13,13 +13,13 @@ pub struct Node<'a> {
     definitions: &'a Value,
 }
 
-/// What a schema allows.
+/// The values that a schema allows.
 pub enum Kind<'a> {
     /// Keys that are known.
     Section(Vec<(&'a str, Node<'a>)>),
-    /// Keys of one's own choice, and what each has.
+    /// Free keys, and their values.
     Names(Node<'a>),
-    /// A list, and what it is of.
+    /// A list, and its items.
     List(Node<'a>),
     /// Words.
     Choice(Vec<Node<'a>>),
@@ -39,7 +39,7 @@ impl<'a> Node<'a> {
         Self { schema, ..self }
     }
 
-    /// What the reference of a schema leads to, or else the schema; `null` is nothing to write.
+    /// The target of a schema's reference, or the schema itself; `null` is ignored.
     fn target(self) -> Self {
         if let Some(name) = self.schema["$ref"].as_str() {
             let name = name.trim_start_matches("#/$defs/");
@@ -56,7 +56,7 @@ impl<'a> Node<'a> {
         all.filter(|schema| schema["type"] != "null").map(|schema| self.with(schema)).collect()
     }
 
-    /// What it allows.
+    /// The values that it allows.
     pub fn kind(self) -> Kind<'a> {
         let node = self.target();
         let schema = node.schema;
@@ -86,7 +86,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// The keys that it names itself, beside those of what it leads to.
+    /// The keys that it names, in addition to those of its reference.
     fn own_keys(self) -> impl Iterator<Item = (&'a str, Self)> {
         let properties = self.schema["properties"].as_object().into_iter().flatten();
         properties.map(move |(key, of)| (key.as_str(), self.with(of)))
@@ -99,14 +99,14 @@ impl<'a> Node<'a> {
         tag.map(|(key, word)| format!("with `{key}: {word}`"))
     }
 
-    /// The words that one of [`Kind::Choice`] stands for: undocumented ones stand together.
+    /// The words of a [`Kind::Choice`]: undocumented ones are grouped.
     pub fn words(self) -> Vec<&'a str> {
         let constant = self.schema.get("const").into_iter();
         let several = self.schema["enum"].as_array().into_iter().flatten();
         constant.chain(several).filter_map(Value::as_str).collect()
     }
 
-    /// Its own description, or else that of its type.
+    /// Its own description, or its type's.
     pub fn description(self) -> String {
         self.remark().unwrap_or_else(|| self.type_description())
     }
@@ -127,12 +127,12 @@ impl<'a> Node<'a> {
         required(self).chain(required(self.target())).any(|name| name == key)
     }
 
-    /// What holds where it is left out, as YAML.
+    /// Its default as YAML.
     pub fn default(self) -> Option<String> {
         yaml(self.schema.get("default")?)
     }
 
-    /// What may be written, in words.
+    /// The allowed values in words.
     pub fn in_words(self) -> String {
         self.counted(false)
     }
@@ -250,15 +250,14 @@ pub enum Step {
     Key(String),
     /// An entry of a list.
     Entry,
-    /// A key of one's own choice.
+    /// A free key.
     AnyKey,
 }
 
 /// A key that no section has.
 const UNKNOWN: &str = "?";
 
-/// The keys that may stand at a place: those that the error names when an unknown key stands there.
-/// Empty where any key may.
+/// The valid keys at a place, as listed by the error of an unknown key. Empty if any key is valid.
 pub fn keys_at(path: &[Step]) -> Vec<String> {
     let Err(error) = serde_yaml::from_value::<Sweep>(with_unknown_key(path, path.len())) else {
         return Vec::new();

@@ -1,4 +1,4 @@
-//! Where the jobs of a sweep are done: the `engine` section, and time limits as Slurm writes them.
+//! The `engine` section, and time limits in Slurm's notation.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -17,12 +17,12 @@ pub struct EngineSection {
     /// and memory, `run` refuses a run that does not fit, and Slurm is asked for one GPU for each task.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gpu: Option<String>,
-    /// Model FLOPs utilisation, as `0.35`: the fraction of the card's bf16 peak that runs reach, counted in FLOPs
-    /// of their budgets. Finished runs of the folder override it; without either it is that of an H200, by size of model.
+    /// Model FLOPs utilisation, e.g. `0.35`: the fraction of the card's bf16 peak that runs reach, counted in FLOPs
+    /// of their budgets. Finished runs of the folder override it; without either it is taken from an H200, by model size.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<f64>", range(min = 1e-6, max = 1))]
     pub mfu: Option<Amount>,
-    /// What `--engine slurm` asks of Slurm.
+    /// The requests of `--engine slurm` to Slurm.
     pub slurm: SlurmSection,
 }
 
@@ -63,13 +63,13 @@ pub struct Amount(#[serde(deserialize_with = "number::read")] pub f64);
 #[serde(transparent)]
 pub struct Count(#[serde(deserialize_with = "number::read")] pub usize);
 
-/// Two sections from one list of keys: what a stage may say of its own, and the whole.
+/// Two sections from one list of keys: the overrides of a stage, and the whole.
 macro_rules! sections {
     (
         resources { $($(#[$about:meta])* $key:ident: $type:ty,)* }
         whole { $($(#[$of_all:meta])* $general:ident: $kind:ty,)* }
     ) => {
-        /// What a job asks for. Every key may be left out; then Slurm's own default holds.
+        /// The request of a job. Every key is optional; then Slurm's own default applies.
         #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         pub struct Resources {
@@ -77,7 +77,7 @@ macro_rules! sections {
         }
 
         impl Resources {
-            /// These, and those `below` where these say nothing.
+            /// These keys over those `below`.
             pub fn over(self, below: Self) -> Self {
                 Self { $($key: self.$key.or(below.$key),)* }
             }
@@ -92,7 +92,7 @@ macro_rules! sections {
         }
 
         impl SlurmSection {
-            /// This section, and that `below` where this one says nothing.
+            /// This section over the one `below`.
             pub fn over(self, below: Self) -> Self {
                 Self {
                     $($key: self.$key.or(below.$key),)*
@@ -100,7 +100,7 @@ macro_rules! sections {
                 }
             }
 
-            /// What every job asks for.
+            /// The request of every job.
             pub fn resources(&self) -> Resources {
                 Resources { $($key: self.$key.clone(),)* }
             }
@@ -126,10 +126,10 @@ sections! {
         nodelist: String,
         /// `--time`, as Slurm writes it: `30` minutes, `04:00:00`, `2-12:00:00`.
         time: Word,
-        /// `--cpus-per-task`, 1 where left out: as many jobs of a chunk run side by side.
+        /// `--cpus-per-task`, 1 if left out: as many jobs of a chunk run side by side.
         #[schemars(with = "Option<usize>", range(min = 1, max = 65_536))]
         cpus_per_task: Count,
-        /// Jobs of a chunk side by side, where that is not a job a processor: 1 where one GPU is.
+        /// Parallel jobs of a chunk, if not one per CPU: 1 for one GPU.
         #[schemars(with = "Option<usize>", range(min = 1, max = 65_536))]
         runs_at_once: Count,
         /// `--mem`: memory of a task, as `8G`. One of the three at most.
@@ -148,16 +148,16 @@ sections! {
         nice: Word,
         /// Lines of the batch script before the program: `module load`, `source`.
         preamble: Vec<String>,
-        /// Words before the program: `[apptainer, exec, image.sif]`. What they start must pass
-        /// signals on.
+        /// Words before the program: `[apptainer, exec, image.sif]`. This launcher must pass signals
+        /// on.
         launcher: Vec<String>,
         /// Variables that the batch script sets.
         env: BTreeMap<String, Word>,
-        /// Further arguments of `sbatch`; they stand last, so they win.
+        /// Further arguments of `sbatch`, placed last, so they take precedence.
         extra: Vec<String>,
     }
     whole {
-        /// What a stage asks for in place of the above: `inputs`, `train`, `fit`.
+        /// Overrides for single stages: `inputs`, `train`, `fit`.
         stages: BTreeMap<Stage, Resources>,
         /// Tasks of the arrays that run at once at most (`%` of `--array`).
         #[schemars(with = "Option<usize>", range(min = 1, max = 1_000_000))]
@@ -165,7 +165,7 @@ sections! {
         /// Tasks of an array at most; asked of Slurm (MaxArraySize) where left out.
         #[schemars(with = "Option<usize>", range(min = 1, max = 1_000_000_000))]
         max_array: Count,
-        /// Tasks of a submission at most; none where left out.
+        /// Tasks of a submission at most; none if left out.
         #[schemars(with = "Option<usize>", range(min = 1, max = 1_000_000_000))]
         max_submit: Count,
         /// Minutes of work of a task, 30 where left out; half of `time` at most.
@@ -206,7 +206,7 @@ sections! {
     }
 }
 
-/// A part of a sweep that Slurm sees as a job of its own.
+/// A part of a sweep that is a separate job of Slurm.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
@@ -231,7 +231,7 @@ impl Stage {
     }
 }
 
-/// Minutes of a time limit as Slurm writes it: `90`, `90:30`, `4:00:00`, `2-12`, `2-12:00`, `2-12:00:00`; `None` where
+/// Minutes of a time limit as Slurm writes it: `90`, `90:30`, `4:00:00`, `2-12`, `2-12:00`, `2-12:00:00`; `None` if
 /// it is none, or has no end.
 pub fn minutes(text: &str) -> Option<f64> {
     let (days, rest) = match text.trim().split_once('-') {

@@ -1,4 +1,4 @@
-//! What a sweep varies: the `grid` section, and the generators beside it.
+//! The `grid` section, and the list of generators.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -15,16 +15,15 @@ use crate::units::{Ways, named, number};
 #[serde(deny_unknown_fields)]
 pub struct GridSection {
     pub models: ModelList,
-    /// Vocabularies: sizes, or FSQ levels. One tokenizer is trained for each. Where a quantizer has several
-    /// codebooks, the size is that of one; `n_vocab` of a run counts the codes of all.
+    /// Vocabularies: sizes, or FSQ levels. One tokenizer is trained for each. If a quantizer has several
+    /// codebooks, the size is for one; `n_vocab` of a run counts the codes of all.
     pub vocab: Vec<VocabSpec>,
     /// Training budgets of a run, in FLOPs.
     #[serde(deserialize_with = "number::read")]
     #[schemars(inner(range(min = 1, max = 1e30)))]
     pub budgets: Vec<f64>,
-    /// Shares of the training split that runs see, as `[0.25, 0.5, 1]`, crossed with the grid. Laws of the
-    /// minimum take the largest alone; the joint law takes all, and learns from them what repeated data is
-    /// worth.
+    /// Fractions of the training split, e.g. `[0.25, 0.5, 1]`, crossed with the grid. Laws of minima use only the
+    /// largest; the joint law uses all, to learn the worth of repeated data.
     #[serde(
         default = "whole",
         skip_serializing_if = "is_whole",
@@ -100,7 +99,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// Axes that advance together; each of the others is a group of its own.
+    /// Axes that advance together; each other axis is a separate group.
     pub fn groups(zip: &[Vec<Self>]) -> Vec<Vec<Self>> {
         let is_alone = |axis: &Self| !zip.iter().flatten().any(|other| other == axis);
         let alone = [Self::Models, Self::Vocab, Self::Budgets].into_iter().filter(is_alone);

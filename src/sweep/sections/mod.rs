@@ -1,4 +1,4 @@
-//! [`Sweep`]: what a sweep file says, with every default filled in.
+//! [`Sweep`]: a sweep file with all defaults filled in.
 
 mod engine;
 mod grid;
@@ -25,7 +25,7 @@ use crate::units::{Ways, section};
 
 plain!(ScheduleKind, ScheduleSection, RateParams);
 
-/// Sections that a number or a command may stand for.
+/// Sections that can be written as a number or a command.
 macro_rules! short {
     ($($type:ty),*) => {$(
         impl Written for $type {
@@ -75,10 +75,10 @@ pub struct Sweep {
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "number::read")]
     #[schemars(schema_with = "section_or_command_schema")]
     pub trainer: Option<TrainerSection>,
-    /// What motions are scored by; where it is not there, none is trained.
+    /// The evaluator of motions; if absent, none is trained.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub evaluator: Option<EvaluatorSection>,
-    /// Which runs are scored by it, and how; where it is not there, none is.
+    /// The runs to score, and how; if absent, none is scored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scores: Option<ScoresSpec>,
     #[serde(default)]
@@ -104,7 +104,7 @@ impl Sweep {
         }
     }
 
-    /// Whether a tokenizer is trained for each vocabulary: not where a trainer brings its own data.
+    /// Whether a tokenizer is trained for each vocabulary: not if a trainer brings its own data.
     pub fn has_tokenizers(&self) -> bool {
         self.data.source != DataSource::None || !self.data.union.is_empty()
     }
@@ -114,7 +114,7 @@ fn default_seeds() -> Vec<u64> {
     vec![0]
 }
 
-// What is made of the runs.
+// Results made from the runs.
 
 section! {
     /// The `flops` section: how FLOPs are counted.
@@ -123,7 +123,7 @@ section! {
     }
 }
 
-/// Which budget takes no part in the fit.
+/// The budget left out of the fit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum HoldOutSpec {
@@ -156,7 +156,7 @@ impl Default for FitSection {
 }
 
 section! {
-    /// The `predict` section: what the laws are asked at the end.
+    /// The `predict` section: predictions to make at the end.
     pub struct PredictSection {
         /// Budgets, in FLOPs, of which the best configuration is given.
         #[schemars(inner(range(min = 1, max = 1e30)))]

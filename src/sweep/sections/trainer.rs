@@ -1,4 +1,4 @@
-//! Who trains: the `trainer` section, and its command, split into words without a shell.
+//! The `trainer` section, and its command, split into words without a shell.
 
 use std::path::PathBuf;
 
@@ -70,10 +70,10 @@ fn scalar<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, 
     Ok(Option::<Word>::deserialize(deserializer)?.map(|word| word.0))
 }
 
-/// What a command may ask for.
+/// The placeholders of a command.
 pub const PLACEHOLDERS: [&str; 4] = ["spec", "out", "checkpoint", "init"];
 
-/// Without these a trainer would not know what to train, or isoflop how it went.
+/// Required placeholders: the input and the output of a trainer.
 const NEEDED: [&str; 2] = ["spec", "out"];
 
 /// How it is started; `{python}` is an interpreter.
@@ -128,7 +128,7 @@ impl TrainerCommand {
         self.0.iter().any(|word| placeholders(word).contains(&name))
     }
 
-    /// The words, with what `value` gives for each placeholder.
+    /// The words, with each placeholder replaced by `value`.
     pub fn fill(&self, value: impl Fn(&str) -> String) -> Vec<String> {
         self.0.iter().map(|word| filled(word, &value)).collect()
     }

@@ -1,4 +1,4 @@
-//! How every cell is built and trained: the `model` and `train` sections.
+//! The `model` and `train` sections.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use crate::spec::{Ffn, Precision, ShownCaptions};
 use crate::units::{ShortForm, number, section, short_form_schema};
 
 section! {
-    /// The `model` section: what all models of the sweep share.
+    /// The `model` section: settings of all models of the sweep.
     pub struct ModelSection {
         ffn: Ffn = Ffn::default();
         /// d_ff is rounded up to a multiple of this; ScaMo has 256, which only large models can afford.
@@ -18,9 +18,9 @@ section! {
         tie_embeddings: bool = false;
         /// Base of the rotary positions' wavelengths.
         rope_base: f64 = 10_000.0, 1e-3 to 1e12;
-        /// Motion slots of n_ctx: 49 codes, the end token and one to spare, as in ScaMo. Where a clip has
-        /// codes on several scales, n_ctx has room for those of as many latents; `masked` takes one slot a
-        /// latent, however many layers it has.
+        /// Motion slots of n_ctx: 49 codes, the end token and one spare, as in ScaMo. If a clip has codes on several
+        /// scales, n_ctx has room for the codes of as many latents; `masked` needs one slot per latent, regardless of
+        /// the number of layers.
         motion_slots: usize = 51, 3 to 65_536;
         /// `scalewise`: share of the codes that training shows as random ones, none; 0.5 in MoSa and
         /// LG-Tok. `masked`: the same of the hidden codes; 0.1 in MoMask.
@@ -50,9 +50,9 @@ section! {
         warmup: f64 = 0.1, 0 to 1;
         /// The last learning rate as a share of the peak.
         final_share: f64 = 0.0, 0 to 1;
-        /// Of `wsd`: the share of the run that decays.
+        /// `wsd`: the fraction of the run that decays.
         decay: f64 = 0.2, 1e-6 to 0.999999;
-        /// Of `wsd`: runs of one model, vocabulary and seed are trained together up to their decays,
+        /// `wsd`: runs of one model, vocabulary and seed are trained together up to their decays,
         /// with one batch, rate and warm-up.
         share: bool = false;
     }
@@ -79,15 +79,15 @@ pub enum RateParams {
 section! {
     /// The peak of the learning rate = `coefficient` · N^`params_exponent` · D^`tokens_exponent`.
     pub struct LrRule {
-        /// The rate where both exponents are 0.
+        /// The rate if both exponents are 0.
         coefficient: f64 = 0.5, 1e-12 to 1e12;
-        /// Which parameters N counts: `nonvocab` or `total`.
+        /// The parameters counted by N: `nonvocab` or `total`.
         params: RateParams = RateParams::Nonvocab;
         /// How the rate goes with the parameters.
         params_exponent: f64 = -0.4, -10 to 10;
         /// How the rate goes with the tokens of the run.
         tokens_exponent: f64 = 0.0, -10 to 10;
-        /// The rule's value is held under this.
+        /// Upper bound of the rule's value.
         max: f64 = 5e-2, 1e-12 to 1e3;
     }
 }
@@ -118,7 +118,7 @@ impl ShortForm for LrRule {
 section! {
     /// Tokens a step = `coefficient` · D^`tokens_exponent`, rounded within bounds.
     pub struct BatchRule {
-        /// Tokens a step where the exponent is 0.
+        /// Tokens per step if the exponent is 0.
         coefficient: f64 = 0.35, 1e-12 to 1e12;
         /// How the batch goes with the tokens of the run.
         tokens_exponent: f64 = 0.5, -10 to 10;
@@ -166,7 +166,7 @@ section! {
         /// AdamW's β₁ and β₂.
         #[schemars(inner(range(min = 0, max = 0.9999999)))]
         betas: Vec<f64> = vec![0.9, 0.95];
-        /// What AdamW adds to the root of the second moment.
+        /// Added by AdamW to the root of the second moment.
         epsilon: f64 = 1e-8, 0 to 1;
         /// Global norm to which gradients are clipped; 0 for none.
         clip_norm: f64 = 1.0, 0 to 1e6;
@@ -186,7 +186,7 @@ impl TrainSection {
         Duration::from_secs_f64(self.checkpoint_s.max(0.0))
     }
 
-    /// How long a worker may make no progress; `None` where it may for ever.
+    /// Longest time without progress of a worker; `None` for no limit.
     pub fn hang(&self) -> Option<Duration> {
         (self.hang_s > 0.0).then(|| Duration::from_secs_f64(self.hang_s))
     }

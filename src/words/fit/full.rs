@@ -9,9 +9,9 @@ use crate::laws::{
 };
 use crate::words::{COLUMNS, four, known, listed, span, wrap};
 
-/// The first screen, then the coefficients of a parametric loss, laws with intervals, minima with flags, loss
-/// laws with their held-out errors, what unseen budgets say of the laws, the sensitivity table, what
-/// to run next and the warnings, in at most 80 columns and without colour.
+/// The first screen, then the coefficients of a parametric loss, laws with intervals, loss laws with their
+/// held-out errors, minima with flags, errors on unseen budgets, the sensitivity table, runs to add and
+/// warnings, in at most 80 columns and without colour.
 pub fn summary(laws: &Laws) -> String {
     let reference = format!(
         "C0 = {} FLOPs, the middle of the fitted budgets{}",
@@ -48,7 +48,7 @@ fn noise(laws: &Laws) -> String {
     format!("; one run scatters by {sd} ({dof} degrees of freedom, {source})")
 }
 
-/// The coefficients of a parametric law with errors and intervals, and how well the search for them ended.
+/// The coefficients of a parametric law with errors and intervals, and the convergence of the search.
 fn parametric(parametric: &Parametric) -> String {
     let head = format!(
         "\n{:<14}{:>14}{:>14}{:>28}\n",
@@ -121,7 +121,7 @@ fn power_laws(laws: &Laws) -> String {
 }
 
 fn power(name: &str, law: &PowerLaw, laws: &Laws) -> String {
-    // A law that follows from a parametric loss goes through no points of its own.
+    // A law derived from a parametric loss is fitted to no points.
     let r2 = known(law.told_r2().filter(|_| laws.parametric.is_none()), four);
     format!(
         "{name:<14}{:>10.4}{:>18}{:>14.4}{:>12}{r2:>8}{:>4}\n",
@@ -168,7 +168,7 @@ fn loss_laws(laws: &Laws) -> String {
     text
 }
 
-/// What repeated data is worth, where that is known.
+/// The worth of repeated data, if it is known.
 fn repetition(laws: &Laws) -> String {
     let joint = laws.judgement.joint.as_ref();
     let own = joint.filter(|law| law.tells_repetition()).and_then(JointLaw::repetition);
@@ -189,7 +189,7 @@ fn repetition(laws: &Laws) -> String {
     )
 }
 
-/// Four decimals, or scientific where that would be wide.
+/// Four decimals, or scientific if that would be wide.
 fn decimal(x: f64) -> String {
     if x.abs() < 1e4 { format!("{x:.4}") } else { short(x, 3) }
 }
@@ -222,11 +222,11 @@ fn minima(laws: &Laws) -> String {
     head + &laws.minima.iter().map(|m| minimum(m, is_held_out(m))).collect::<String>()
 }
 
-/// One line, and the flags below it where there is more than one.
+/// One line, with several flags on a line below.
 fn minimum(m: &Minimum, is_held_out: bool) -> String {
     let mut marks: Vec<String> = is_held_out.then(|| "held out once".into()).into_iter().collect();
     marks.extend((!m.flags.is_empty()).then(|| flags_text(&m.flags)));
-    // A 0 stands for what is not known.
+    // A 0 stands for an unknown value.
     let positive = |x: f64| Some(x).filter(|x| *x > 0.0);
     let line = format!(
         "{:<9}{:>10}{:>11}{:>11}{:>8}{:>11}{:>9.4}",

@@ -12,8 +12,8 @@ use crate::laws::{
     student_t95,
 };
 
-/// The answer in some fifteen lines of at most 80 columns: the law, its formula, the exponents, and what is in
-/// doubt; [`summary`] goes on from it.
+/// The answer in some fifteen lines of at most 80 columns: the law, its formula, the exponents and the doubts;
+/// [`summary`] continues it.
 pub fn brief(laws: &Laws) -> String {
     let answer = laws.answer();
     let head = [scope(laws), law(laws, &answer).unwrap_or_default(), answer.formula.clone()];
@@ -38,7 +38,7 @@ fn scope(laws: &Laws) -> String {
     }
 }
 
-/// The law to believe, and how far each that could be tested missed the held-out budgets.
+/// The recommended law, and the error of each tested law on the held-out budgets.
 fn law(laws: &Laws, answer: &Answer) -> Option<String> {
     let Some(own) = &laws.judgement.recommended else {
         let running = "Law: the running minimum of the loss (approach 1).";
@@ -51,17 +51,14 @@ fn law(laws: &Laws, answer: &Answer) -> Option<String> {
     }
     let missed = |score: &Score| format!("{} {:.4}", score.law.name(), score.rms);
     let all: Vec<String> = own.scores.iter().map(missed).collect();
-    Some(format!(
-        "Law: {name}, best of those tested on held-out budgets (r.m.s. off: {}).",
-        all.join(", ")
-    ))
+    Some(format!("Law: {name}, the best on held-out budgets (r.m.s. error: {}).", all.join(", ")))
 }
 
-/// The exponents of the answer, and beside them those of the laws through minima, where these are others.
+/// The exponents of the answer; if it is a joint law, also the exponents of the laws through minima.
 fn table(laws: &Laws, answer: &Answer) -> String {
     let beside = answer.method.is_none() && laws.power_laws.tokens.is_some();
     let beside = beside && laws.law == LawKind::Isoflop;
-    let head = if beside { format!("by minima ({})", laws.minima_method) } else { String::new() };
+    let head = if beside { format!("from minima ({})", laws.minima_method) } else { String::new() };
     let head = format!("{:<12}{:>9}{:>19}  {head}", "exponent", "", "95 % interval");
     let row = |(name, exponent): (&str, &Exponent)| {
         row(name, exponent, laws.power_laws.of(name).filter(|_| beside))
@@ -105,12 +102,16 @@ fn together(held: &[&Validated]) -> String {
         Some(format!("{:.3} ({low:.3} to {high:.3}) at {budget}", one.measured.loss))
     });
     let told: Vec<String> = told.collect();
-    format!("{} forecasts held, L_u measured (95 % forecast): {}.", held.len(), told.join(", "))
+    format!(
+        "{} forecasts held; L_u measured (95 % interval forecast): {}.",
+        held.len(),
+        told.join(", ")
+    )
 }
 
-// What the intervals hold, and what they do not.
+// The sources of error that the intervals cover.
 
-/// What the intervals of the exponents hold: of laws of minima, each part of the interval of N_nv's exponent;
+/// The sources of error in the intervals of the exponents; for laws of minima, with the half-width for N_nv's exponent.
 /// `None` without intervals.
 fn intervals(laws: &Laws) -> Option<String> {
     if laws.recommended_law().is_joint() {
@@ -121,7 +122,7 @@ fn intervals(laws: &Laws) -> Option<String> {
     let parts = laws.judgement.interval_parts.iter();
     let told: Vec<String> = parts.filter_map(|part| told(part, laws)).collect();
     let (told, rest) = (Some(told.join(", ")).filter(|told| !told.is_empty())?, rest(laws));
-    Some(format!("Intervals hold, for {of}'s exponent: {told}{rest}."))
+    Some(format!("Intervals cover, for {of}'s exponent: {told}{rest}."))
 }
 
 fn of_joint(laws: &Laws) -> Option<String> {
@@ -129,34 +130,34 @@ fn of_joint(laws: &Laws) -> Option<String> {
     let joint = judgement.joint.as_ref().filter(|joint| !joint.bootstrap.is_empty())?;
     let tokenizers = if judgement.tokenizer_noise.is_some() { ", tokenizers" } else { "" };
     let test = if judgement.test_noise.is_some() { ", the test split" } else { "" };
-    let cells = format!("the scatter of {} cells ({:.3})", joint.n, joint.residual_sd);
-    Some(format!("Intervals hold {cells}{tokenizers}{test}{}.", rest(laws)))
+    let cells = format!("the scatter of {} cells (SD {:.3})", joint.n, joint.residual_sd);
+    Some(format!("Intervals cover {cells}{tokenizers}{test}{}.", rest(laws)))
 }
 
 fn told(part: &IntervalPart, laws: &Laws) -> Option<String> {
     let [low, high] = part.exponent_nonvocab?;
     let by = match laws.noise.map(|noise| noise.source) {
         Some(NoiseSource::Surface { .. }) if part.part == "runs" => {
-            " (by a surface, for want of seeds)"
+            " (from a surface; no repeated seeds)"
         }
         _ => "",
     };
     Some(format!("{} ±{:.3}{by}", part.part, (high - low) / 2.0))
 }
 
-/// What no interval holds, and what all losses together may move by.
+/// The errors that no interval covers, and the shift that all losses share on other clips.
 fn rest(laws: &Laws) -> String {
     let (tokenizers, test) = (&laws.judgement.tokenizer_noise, &laws.judgement.test_noise);
     let missing = match (tokenizers, test) {
-        (None, None) if !laws.from_sweep => "; not what the runs did not vary",
+        (None, None) if !laws.from_sweep => "; not the settings that all runs share",
         (Some(_), Some(_)) => "",
         (Some(_), None) => "; not the test split",
-        (None, Some(_)) => "; not the tokenizers, one a vocabulary",
-        (None, None) => "; not the test split and the tokenizers, one a vocabulary",
+        (None, Some(_)) => "; not tokenizers (one per vocabulary)",
+        (None, None) => "; not the test split or tokenizers (one per vocabulary)",
     };
     let others = test.as_ref().map_or_else(String::new, |noise| {
         let half = student_t95(noise.blocks - 1) * noise.sd;
-        format!("; all losses ±{half:.2} on other clips")
+        format!("; other test clips would shift all losses by ±{half:.2}")
     });
     missing.to_string() + &others
 }

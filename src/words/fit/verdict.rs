@@ -1,4 +1,4 @@
-//! What the laws say of themselves, what unseen budgets say of them, and what to run next.
+//! Consistency of the laws, their errors on unseen budgets, and runs to add.
 
 use crate::laws::text::count;
 use crate::laws::{
@@ -11,7 +11,7 @@ use crate::words::{from_to, known, listed, thousandths, wrap};
 const DISAGREEMENT: f64 = 0.1;
 
 /// γ, the exponent of N_v in N_nv, both ways (as the ratio of the exponents in C, and by the direct fit,
-/// ScaMo Eq. 10), where kinds of minimum disagree, and every flagged minimum of the laws' kind.
+/// ScaMo Eq. 10); kinds of minimum that disagree; and every flagged minimum of the laws' kind.
 pub fn verdict(laws: &Laws) -> Vec<String> {
     let said = [gamma(laws), methods_disagree(laws)];
     said.into_iter().flatten().chain(flagged(laws)).collect()
@@ -37,12 +37,12 @@ fn gamma(laws: &Laws) -> Option<String> {
     };
     Some(format!(
         "N_v grows as N_nv^{ratio:.3} by the ratio of the exponents in C, and as N_nv^{} by the \
-         direct fit (Eq. 10): {judgement}.",
+        direct fit (Eq. 10): {judgement}.",
         exponent(direct)
     ))
 }
 
-/// The two kinds of minimum whose exponents of N_nv lie furthest apart, where that is far.
+/// The two kinds of minimum whose exponents of N_nv lie furthest apart, if they disagree.
 fn methods_disagree(laws: &Laws) -> Option<String> {
     let of_size = |r: &Sensitivity| r.exponent_nonvocab.or(r.exponent_params);
     let rows = laws.sensitivity.iter();
@@ -63,7 +63,7 @@ fn flagged(laws: &Laws) -> impl Iterator<Item = String> {
     own.filter(|m| !m.flags.is_empty()).map(|m| {
         let reasons: Vec<_> = m.flags.iter().map(|flag| reason(*flag)).collect();
         let is_fitted = laws.fitted_budgets.contains(&m.budget_flops);
-        let fitted = if is_fitted { "used all the same" } else { "not fitted" };
+        let fitted = if is_fitted { "used" } else { "not used" };
         format!(
             "Budget {} ({}, {fitted}): {}.",
             count(m.budget_flops),
@@ -85,9 +85,9 @@ fn reason(flag: MinimumFlag) -> &'static str {
             "the best vocabulary is the smallest or largest tried, so add vocabularies on that side"
         }
         MinimumFlag::EdgeVocab => {
-            "a size beside the minimum is best with the smallest or largest vocabulary tried"
+            "a size next to the minimum is best with the smallest or largest vocabulary tried"
         }
-        MinimumFlag::LackOfFit => "the runs lie further from the curve than they scatter",
+        MinimumFlag::LackOfFit => "the curve misses the runs by more than their noise",
         MinimumFlag::BelowRuns => {
             "the curve lies further below the best run than noise allows, so it is not used"
         }
@@ -96,7 +96,7 @@ fn reason(flag: MinimumFlag) -> &'static str {
     }
 }
 
-/// The errors on budgets that the laws had not seen; empty where there are none.
+/// The errors on budgets that were left out of the fit; empty if there are none.
 pub fn unseen_budgets(laws: &Laws) -> String {
     if laws.validation.is_empty() {
         return String::new();
@@ -132,7 +132,7 @@ fn unseen(row: &Validation) -> String {
     )
 }
 
-/// What to run next, one item an advice; empty where there is none.
+/// Runs to add, one item per advice; empty if there is none.
 pub fn advice(laws: &Laws) -> String {
     let mut text = listed("what to run next", laws.advice.iter().map(advised));
     if laws.from_sweep && !text.is_empty() {

@@ -1,4 +1,4 @@
-//! Predictions for budgets: one or several on a screen, or all that is known of each.
+//! Predictions for budgets: one or several on a screen, or each in full.
 
 use super::{
     QUANTITIES, buildable, cells, distance, number, of_loss, on_other_clips, standing, values,
@@ -7,7 +7,7 @@ use crate::laws::text::{count, short};
 use crate::predict::{Prediction, Raw, Together};
 use crate::words::{four, known, listed, span, thousandths, wrap};
 
-/// Predictions in some ten lines of at most 80 columns, or all that is known of each.
+/// Predictions in some ten lines of at most 80 columns, or each in full.
 pub fn said(predictions: &[Prediction], full: bool) -> String {
     match predictions {
         _ if full => predictions.iter().map(text).collect::<Vec<_>>().join("\n"),
@@ -20,7 +20,7 @@ pub fn said(predictions: &[Prediction], full: bool) -> String {
 // One budget on a screen: values with intervals, what to build, other laws, warnings.
 
 fn of_one(prediction: &Prediction) -> String {
-    // The first two warnings are said, the rest only counted.
+    // The first two warnings are shown, the rest are counted.
     let (said, left) = prediction.warnings.split_at(2.min(prediction.warnings.len()));
     let (budget, loss) = (count(prediction.budget_flops), of_loss(prediction.loss_name.as_deref()));
     let build = prediction.shape.as_ref().map(|shape| format!("  build: {}\n", buildable(shape)));
@@ -37,7 +37,7 @@ fn rows(prediction: &Prediction) -> String {
     };
     let others = on_other_clips(prediction).unwrap_or_default();
     let row = |[name, value, to]: [String; 3]| {
-        // The loss on other clips has no value of its own, and stands beside the loss.
+        // The loss on other clips has only an interval, shown in the row of the loss.
         let line = format!("  {name:<5}{value:>11}{}", interval("95 %", &to));
         let others = if name == "loss" { interval("other clips", &others) } else { String::new() };
         (!value.is_empty()).then(|| line + &others + "\n")
@@ -45,40 +45,41 @@ fn rows(prediction: &Prediction) -> String {
     cells(prediction).into_iter().filter_map(row).collect()
 }
 
-/// The loss by each law, and by all of them together.
+/// The loss by each law, and their weighted mean.
 fn other_laws(prediction: &Prediction) -> String {
     let Raw { loss_log, loss_floor, loss_joint, .. } = prediction.raw;
     let laws = [("log", loss_log), ("floor", loss_floor), ("joint", loss_joint)];
     let named = |(name, loss): (&str, Option<f64>)| Some(format!("{name} {:.4}", loss?));
     let all: Vec<String> = laws.into_iter().filter_map(named).collect();
     let together = prediction.together.as_ref();
-    let together = together.map(|together| format!("; together {:.4}", together.loss_normalised));
+    let together =
+        together.map(|together| format!("; weighted mean {:.4}", together.loss_normalised));
     match all.len() {
         0 | 1 => String::new(),
         _ => format!("  loss by law: {}{}\n", all.join(", "), together.unwrap_or_default()),
     }
 }
 
-/// Sentences, and how many are left for `--full`.
+/// Sentences, and the number of those left to `--full`.
 fn cautions(said: &[String], left: usize) -> String {
     let said: String = said.iter().map(|sentence| wrap("- ", sentence)).collect();
     if left == 0 { said } else { format!("{said}- {left} more: --full\n") }
 }
 
-// Several budgets on a screen: a table, and what the farthest is warned of.
+// Several budgets on a screen: a table, and a warning for the farthest.
 
 fn of_several(predictions: &[Prediction]) -> String {
     let first = &predictions[0];
     let by = first.recommended.map_or_else(String::new, |law| format!(" by {}", law.about()));
     let loss = of_loss(first.loss_name.as_deref());
     let told = QUANTITIES.into_iter().zip(values(first));
-    wrap("", &format!("Optima{by}, and how far beyond the fit they lie{loss}:"))
+    wrap("", &format!("Optima{by}, with their distance beyond the fit{loss}:"))
         + &line("FLOPs", told.map(|((name, _), (value, _))| value.map(|_| name.to_string())))
         + &predictions.iter().map(two_lines).collect::<String>()
         + &weightiest(predictions)
 }
 
-/// The values of a budget, and below them their intervals.
+/// The values of a budget, with their intervals below.
 fn two_lines(prediction: &Prediction) -> String {
     let [_, _, (_, vocab), _, _] = QUANTITIES;
     let narrow = |x| short(x, 2);
@@ -91,13 +92,13 @@ fn two_lines(prediction: &Prediction) -> String {
     line(&count(prediction.budget_flops), own) + &line(&far, intervals)
 }
 
-/// A label and a column for each quantity that there is.
+/// A label, and a column for each known quantity.
 fn line(label: &str, cells: impl Iterator<Item = Option<String>>) -> String {
     let cells: String = cells.flatten().map(|cell| format!(" {cell:>15}")).collect();
     format!("{label:<16}{cells}").trim_end().to_string() + "\n"
 }
 
-/// The weightiest warning of the farthest budget, and how many there are besides.
+/// The first warning of the farthest budget, and the number of all others.
 fn weightiest(predictions: &[Prediction]) -> String {
     let all: usize = predictions.iter().map(|prediction| prediction.warnings.len()).sum();
     let farthest = predictions.iter().max_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
@@ -107,12 +108,12 @@ fn weightiest(predictions: &[Prediction]) -> String {
     cautions(&said, all - said.len())
 }
 
-// All that is known of a prediction.
+// A prediction in full.
 
-/// The prediction in at most 80 columns and without colour.
+/// The prediction in full, in at most 80 columns and without colour.
 fn text(prediction: &Prediction) -> String {
     let title = format!(
-        "Optimum for {} FLOPs by {}{}: each law by itself, they would spend {:.3} of it; extrapolation factor {:.3}.",
+        "Optimum for {} FLOPs by {}{}. Unscaled, the separate laws spend {:.3} of the budget; extrapolation factor {:.3}.",
         count(prediction.budget_flops),
         prediction.law,
         of_loss(prediction.loss_name.as_deref()),
@@ -128,7 +129,7 @@ fn text(prediction: &Prediction) -> String {
     };
     let together = prediction.together.as_ref().map(|own| wrap("- ", &all_together(own)));
     wrap("", &title)
-        + &format!("\n{:<8}{:>14}{:>28}{:>14}\n", "", "on budget", "95 % interval", "by itself")
+        + &format!("\n{:<8}{:>14}{:>28}{:>14}\n", "", "on budget", "95 % interval", "unscaled")
         + &at.named().map(row).collect::<String>()
         + &loss(prediction)
         + &shape(prediction)
@@ -141,7 +142,7 @@ fn loss(prediction: &Prediction) -> String {
     let Some(loss) = prediction.loss_normalised else {
         return String::new();
     };
-    // Where there is no log law, the loss is the floor law's already.
+    // Without a log law, the loss above is already the floor law's.
     let floor = raw.loss_log.and(raw.loss_floor).map_or_else(String::new, |floor| {
         let interval = span(ci95.loss_floor, four);
         format!("{:<8}{:>14}{interval:>28}   by the law with a floor\n", "", four(floor))
@@ -168,7 +169,7 @@ fn shape(prediction: &Prediction) -> String {
     format!("\n{}", wrap("", &sentence))
 }
 
-/// What all laws say together, in a sentence.
+/// The weighted mean of all laws, in a sentence.
 pub fn all_together(together: &Together) -> String {
     let Together { laws, loss_normalised, at } = together;
     let said = QUANTITIES.into_iter().filter_map(|(name, number)| {
@@ -177,7 +178,7 @@ pub fn all_together(together: &Together) -> String {
     });
     let weights = laws.iter().map(|one| format!("{} {:.2}", one.law.name(), one.weight));
     format!(
-        "The laws together, weighed by how little they missed ({}): {}.",
+        "The weighted mean of all laws (weights from their past errors: {}): {}.",
         weights.collect::<Vec<_>>().join(", "),
         said.collect::<Vec<_>>().join(", ")
     )

@@ -1,4 +1,4 @@
-//! Predictions in words, for a terminal: those of budgets in `budgets`, that of one model here.
+//! Predictions as text for a terminal: for budgets in `budgets`, for one model here.
 
 mod budgets;
 
@@ -9,20 +9,20 @@ use crate::laws::PerQuantity;
 use crate::laws::text::{count, times};
 use crate::predict::{PredictedShape, Prediction, SizedPrediction};
 
-/// The symbol of a quantity, and how it is written.
+/// The symbol of a quantity, and the format of its values.
 type Quantity = (&'static str, fn(f64) -> String);
 
 /// N, N_nv, V, D and the loss.
 const QUANTITIES: [Quantity; 5] =
     [("N", count), ("N_nv", count), ("V", |x| format!("{x:.0}")), ("D", count), ("loss", four)];
 
-/// How the quantity of a symbol is written; N_v like N.
+/// The format of a quantity's values; N_v like N.
 fn number(symbol: &str) -> fn(f64) -> String {
     let own = QUANTITIES.into_iter().find(|(name, _)| *name == symbol);
     own.map_or(count, |(_, number)| number)
 }
 
-/// Of a prediction, in the order of [`QUANTITIES`]: each value with its 95 % interval.
+/// The values of a prediction with their 95 % intervals, in the order of [`QUANTITIES`].
 fn values(prediction: &Prediction) -> [(Option<f64>, Option<[f64; 2]>); 5] {
     QUANTITIES.map(|(name, _)| match name {
         "loss" => (prediction.loss_normalised, prediction.ci95.loss_normalised),
@@ -30,8 +30,8 @@ fn values(prediction: &Prediction) -> [(Option<f64>, Option<[f64; 2]>); 5] {
     })
 }
 
-/// Each quantity of the prediction with its value and its 95 % interval, as a screen writes them, and the
-/// interval of the loss on other clips where it is known.
+/// Each quantity of the prediction with its value and its 95 % interval, as on a screen, and the interval of
+/// the loss on other clips if it is known.
 pub fn cells(prediction: &Prediction) -> Vec<[String; 3]> {
     let row = |((name, number), (value, interval)): (Quantity, (Option<f64>, Option<[f64; 2]>))| {
         let interval = interval.map_or_else(String::new, |ends| from_to(ends, number));
@@ -42,12 +42,12 @@ pub fn cells(prediction: &Prediction) -> Vec<[String; 3]> {
     own.chain(others.map(|told| ["loss on other clips".into(), String::new(), told])).collect()
 }
 
-/// The interval of the loss, had other clips been held out.
+/// The interval of the loss on other held-out clips.
 fn on_other_clips(prediction: &Prediction) -> Option<String> {
     prediction.ci95.loss_on_other_clips.map(|ends| from_to(ends, four))
 }
 
-/// What can be built, in a few words.
+/// The nearest model that can be built, in a few words.
 pub fn buildable(shape: &PredictedShape) -> String {
     format!(
         "{} layers, {} heads, width {}, {} codes",
@@ -55,8 +55,8 @@ pub fn buildable(shape: &PredictedShape) -> String {
     )
 }
 
-/// Where a budget lies by the fitted ones, from its ratio to the largest and that of the smallest to it: before
-/// "the fit" in a sentence.
+/// The distance of a budget from the fitted ones, to stand before "the fit". `beyond`: the budget over the
+/// largest fitted one; `below`: the smallest fitted one over the budget.
 fn distance(beyond: f64, below: Option<f64>) -> String {
     match below {
         Some(factor) => format!("{} times below", times(factor)),
@@ -65,7 +65,7 @@ fn distance(beyond: f64, below: Option<f64>) -> String {
     }
 }
 
-/// How far beyond the fit a prediction lies, and by which law it is.
+/// The distance of a prediction from the fit, and its law.
 pub fn standing(prediction: &Prediction) -> String {
     let far = distance(prediction.extrapolation_factor, prediction.below_fit);
     let law =
@@ -73,7 +73,7 @@ pub fn standing(prediction: &Prediction) -> String {
     format!("{far} the fit{law}")
 }
 
-/// Which loss a table's predictions are of, in parentheses; nothing for L_u and for a column `loss`.
+/// The name of a table's loss, in parentheses; empty for L_u and for a column `loss`.
 fn of_loss(name: Option<&str>) -> String {
     let named = |name| format!(" (loss: {name})");
     name.filter(|name| *name != "loss").map_or_else(String::new, named)
@@ -81,21 +81,21 @@ fn of_loss(name: Option<&str>) -> String {
 
 // The loss of a model of any size.
 
-/// The loss, the best model for the same FLOPs, and what lies between them, in at most 80 columns.
+/// The loss, the best model for the same FLOPs and the gap between them, in at most 80 columns.
 pub fn sized_text(prediction: &SizedPrediction) -> String {
     let SizedPrediction { ci95, optimum, .. } = prediction;
     let of_optimum = optimum.at.named().map(|(name, x)| row(name, *x, number(name), None));
     title(prediction)
         + &row("loss", prediction.loss_normalised, four, ci95.loss_normalised)
-        + "The best model for the same FLOPs, and how much this one loses by:\n"
+        + "The best model for the same FLOPs, and the loss above it:\n"
         + &of_optimum.collect::<String>()
         + &row("loss", optimum.loss_normalised, four, ci95.optimum_loss)
-        + &row("lost", prediction.loss_above_optimum, four, ci95.loss_above_optimum)
+        + &row("above", prediction.loss_above_optimum, four, ci95.loss_above_optimum)
         + &notes(prediction)
 }
 
 fn title(prediction: &SizedPrediction) -> String {
-    // The model's size under the names that the law knows.
+    // The model's size in the quantities of the law.
     let named = prediction.model.named().filter(|(name, _)| *name != "D");
     let size: Vec<_> = named.map(|(name, x)| format!("{name} = {}", number(name)(*x))).collect();
     let sentence = format!(
@@ -129,7 +129,7 @@ fn notes(prediction: &SizedPrediction) -> String {
     sentences.map(|sentence| wrap("- ", &sentence)).collect()
 }
 
-/// D, which a model on some tokens always has.
+/// D, always known here.
 fn tokens(of: &PerQuantity<f64>) -> f64 {
     of.tokens.unwrap_or(f64::NAN)
 }

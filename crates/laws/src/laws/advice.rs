@@ -1,8 +1,8 @@
-//! What to run next, from what the sweep leaves open.
+//! Advice on further runs.
 //!
-//! Doubtful minima are mended where they are: sizes or vocabularies beyond an edge, sizes where there
-//! are too few, seeds where a curve is flat within its noise. Beyond the sweep there is always one
-//! further budget, whose grid is centred where the laws put its optimum.
+//! Flagged minima get runs at their budget: sizes or vocabularies beyond an edge, more sizes if there are too few,
+//! seeds if a curve is flat within its noise. There is always advice for one further budget, with a grid centred
+//! on its predicted optimum.
 
 use crate::laws::file::{Advice, AdviceKind, Laws};
 use crate::laws::input::{MinimumMethod, Parameters};
@@ -30,10 +30,10 @@ pub(in crate::laws) fn advise(laws: &Laws, grids: &[Grid]) -> Vec<Advice> {
     mending.chain(next_budget(laws, grids, &spacing)).collect()
 }
 
-/// What would clear a minimum's flags.
+/// The runs that would clear a minimum's flags.
 fn mend(grid: &Grid, minimum: &Minimum, spacing: &Spacing) -> Vec<Advice> {
     let flags = &minimum.flags;
-    // More levels are the cure of both, and the edge is only known where there are enough.
+    // More levels cure both flags, and an edge is only known with enough levels.
     let few = flags.contains(&MinimumFlag::FewLevels);
     let advice = |flag: &MinimumFlag| match flag {
         MinimumFlag::FewLevels => few_levels(grid, minimum.method, spacing),
@@ -126,7 +126,7 @@ fn next_budget(laws: &Laws, grids: &[Grid], spacing: &Spacing) -> Option<Advice>
     usable.then(|| Advice::new(kind, budget, [sizes, n_vocab], largest, why))
 }
 
-/// The exponents that another budget would tell better, with the widths of their intervals.
+/// The exponents that another budget would improve, with the widths of their intervals.
 fn wide_exponents(laws: &Laws) -> Vec<(&'static str, f64)> {
     let wide = |(name, law): (&'static str, &PowerLaw)| {
         let [low, high] = law.exponent_ci95?;
@@ -149,7 +149,7 @@ fn optimal_vocabulary(laws: &Laws, budget: f64) -> Option<f64> {
     Some(law.value_at(budget))
 }
 
-/// Up to [`NEIGHBOURS`] of some rising levels: the nearest to `at` and those beside it.
+/// Up to [`NEIGHBOURS`] of some rising levels: the nearest to `at` and its neighbours.
 fn nearest(levels: &[f64], at: f64) -> Vec<f64> {
     let below = levels.iter().filter(|level| **level < at).count();
     let first = below.saturating_sub(NEIGHBOURS / 2).min(levels.len().saturating_sub(NEIGHBOURS));
@@ -173,12 +173,12 @@ impl Advice {
 
 // Levels of a grid, continued by the grid's own ratio.
 
-/// The ratio of neighbouring levels where a sweep shows none.
+/// The ratio of neighbouring levels if a sweep has none.
 const DEFAULT_RATIO: f64 = 2.0;
 /// Models that can be built lie off the sizes that are asked for.
 const MARGIN: f64 = 0.88;
 
-/// The sweep's own ratios of neighbouring levels, where it has them.
+/// The sweep's own ratios of neighbouring levels, if it has them.
 struct Spacing {
     size: Option<f64>,
     vocab: Option<f64>,
@@ -239,7 +239,7 @@ impl Grid {
         distinct(self.sizes.iter().map(|size| size.best.params_nonvocab))
     }
 
-    /// The vocabularies tried, rising; none where no cell has one.
+    /// The vocabularies tried, rising; empty if no cell has one.
     fn vocabularies(&self) -> Vec<f64> {
         distinct(self.cells.iter().map(|cell| cell.n_vocab).filter(|v| *v > 0.0))
     }

@@ -1,5 +1,5 @@
-//! How an [`Answer`] follows from laws: the exponents of the optimum or why there are none, the optimum along
-//! the fitted budgets, and the coefficients of the loss; in words, by `say`, the formula, doubts and verdict.
+//! Makes an [`Answer`] from laws: the exponents of the optimum or the reason why there are none, the optimum along
+//! the fitted budgets, and the coefficients of the loss; by `say`, the formula, doubts and verdict as text.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use crate::laws::ranking::{Candidate, Miss};
 use crate::laws::say::{Beyond, Told, Undetermined, doubts, formula, verdict};
 
 impl Laws {
-    /// What they say; of an older file, which has no answer, made here.
+    /// The answer; made here for an older file without one.
     pub fn answer(&self) -> Answer {
         self.answer.clone().unwrap_or_else(|| self.own_answer())
     }
@@ -87,14 +87,14 @@ impl Laws {
     }
 }
 
-// How the optimum grows with the budget, by the law to believe.
+// How the optimum grows with the budget, by the recommended law.
 
-/// How well a smooth form places an optimum, as a standard deviation in logarithms: it moves either end of the
-/// budgets for itself (`docs/coverage.md`).
+/// The error of a smooth form in the optimum, as a standard deviation in logarithms; it moves each end of the
+/// budgets independently (`docs/coverage.md`).
 const FORM: f64 = 0.015;
 /// Keeps the stream of these draws apart from others.
 const FORM_STREAM: u64 = 1 << 41;
-/// How far beyond the sizes and vocabularies tried an optimum may lie for its exponent to be told.
+/// Largest factor between an optimum and the range tried for its exponent to count as determined.
 const BEYOND: f64 = 2.0;
 /// An exponent whose 95 % interval is wider than this is not determined.
 const WIDEST: f64 = 1.0;
@@ -108,7 +108,7 @@ struct Found {
 }
 
 impl Found {
-    /// An exponent that its interval tells, unless it is known beforehand `why` there is none.
+    /// An exponent, unless its interval is too wide or `why` names another reason.
     fn new(value: Option<f64>, ci95: Option<[f64; 2]>, why: Option<Undetermined>) -> Self {
         let wide = value.zip(ci95).filter(|(_, [low, high])| high - low > WIDEST);
         let why = why.or(wide.map(|(value, interval)| Undetermined::Wide(value, interval)));
@@ -122,7 +122,7 @@ impl Found {
     }
 }
 
-/// Of the law to believe.
+/// The exponents of the recommended law.
 fn found(laws: &Laws) -> PerQuantity<Found> {
     match (laws.joint_law(), &laws.judgement.tried) {
         (Some(joint), Some(tried)) => slopes_of_joint(laws, joint, tried),
@@ -148,7 +148,7 @@ fn slopes_of_power_laws(laws: &Laws) -> PerQuantity<Found> {
     all.under(laws.parameters)
 }
 
-/// Whether the minima that the laws go through tell an exponent; laws that go through none do.
+/// Whether the minima of the laws determine an exponent; true for laws without minima.
 fn minima_tell(laws: &Laws) -> bool {
     let used = laws.own_minima().filter(|m| laws.fitted_budgets.contains(&m.budget_flops));
     laws.law != LawKind::Isoflop || tell_laws(&used.cloned().collect::<Vec<_>>())
@@ -195,7 +195,7 @@ fn beyond(ends: &[Optimum; 2], of: fn(&Optimum) -> f64, [low, high]: [f64; 2]) -
 
 // The optimum along the fitted budgets.
 
-/// Budgets at which the optimum is told.
+/// Budgets of the optimum's path.
 const STEPS: usize = 13;
 
 /// From the smallest to the largest fitted budget in equal steps of ln C; empty for a law that was not
@@ -262,7 +262,7 @@ fn path_of_lines(laws: &Laws, budget: f64) -> OptimumAt {
     OptimumAt { budget_flops: budget, at, loss }
 }
 
-/// By the floor law where it is the one to believe or the laws follow from a loss with a floor.
+/// By the floor law if it is recommended, or if the laws come from a loss with a floor.
 fn loss_of_lines(laws: &Laws, budget: f64) -> Option<Coefficient> {
     let floored = laws.recommended_law() == Candidate::Floor || laws.parametric.is_some();
     let law = if floored || laws.loss.log.is_none() { Candidate::Floor } else { Candidate::Log };
@@ -277,7 +277,7 @@ fn loss_of_lines(laws: &Laws, budget: f64) -> Option<Coefficient> {
 
 // The coefficients of the loss.
 
-/// By their names; empty where the loss has no law.
+/// Coefficients by name; empty if the loss has no law.
 fn coefficients(laws: &Laws) -> BTreeMap<String, Coefficient> {
     let named: Vec<(&str, f64, Option<[f64; 2]>)> = match Told::of(laws) {
         None => return BTreeMap::new(),

@@ -2,7 +2,7 @@
 //!
 //! `IsoFlopPoint → Minimum → PowerLaw, LossLaws`, gathered in [`Laws`].
 //!
-//! | floor | room | what it is for | beside it |
+//! | floor | module | content | also imports |
 //! | --- | --- | --- | --- |
 //! | 1 | `maths` | statistics, lines, least squares and draws, which know nothing of runs | |
 //! | 1 | `text` | numbers for a person | |
@@ -13,8 +13,8 @@
 //! | 5 | `lines` | laws through minima: [`power_law`], [`log_law()`], [`floor_law()`], with intervals | |
 //! | 5 | `joint` | one smooth loss over all cells, its optimum and its intervals: [`JointLaw`] | |
 //! | 5 | `parametric` | the loss in N and D of papers, by variable projection: [`fit_parametric`], [`optimum`] | |
-//! | 6 | `ranking` | which law predicts the larger budgets: [`Recommended`] | |
-//! | 7 | `file` | what `laws.json` holds: [`Laws`] | |
+//! | 6 | `ranking` | the law that predicts larger budgets best: [`Recommended`] | |
+//! | 7 | `file` | the contents of `laws.json`: [`Laws`] | |
 //! | 8 | `say` | all of this in sentences | |
 //! | 9 | `answer` | what laws say, once, for screen, figures, report and files: [`Laws::answered`] | |
 //! | 9 | `advice` | what a sweep leaves open: [`Advice`] | |
@@ -22,7 +22,7 @@
 //! | 10 | `fit` | all of it: [`fit()`]; by the running minimum: [`approach1()`]; from a parametric loss: [`parametric_laws`] | |
 //! | 10 | `published` | laws of papers: [`scamo()`] | |
 //!
-//! A room imports from rooms of lower floors; `tests/floors.rs` reads this table.
+//! A module imports modules of lower floors; `tests/floors.rs` reads this table.
 //!
 //! # Example
 //!

@@ -1,4 +1,4 @@
-//! Sweeps whose laws are known, for the tests.
+//! Simulated sweeps with known laws, for tests.
 //!
 //! L(N_nv, N_v, D) = −E + A1/N_nv^α1 + A2/N_v^α2 + B/D^β with C = 6(N_nv + N_v)D: the form of
 //! approach 3 with a vocabulary. The true optimum of a budget is found by minimising it directly.
@@ -121,7 +121,7 @@ impl Simulated<'_> {
     }
 }
 
-/// The same runs on a split of `unique_tokens`.
+/// The same runs with `unique_tokens` distinct tokens.
 pub fn of_split(unique_tokens: f64, points: Vec<IsoFlopPoint>) -> Vec<IsoFlopPoint> {
     let about = RunFacts { unique_tokens: Some(unique_tokens), ..RunFacts::default() };
     points.into_iter().map(|point| IsoFlopPoint { about: about.clone(), ..point }).collect()
@@ -177,8 +177,8 @@ mod coverage {
     const NAMES: [&str; 4] = ["N_nv", "N_v", "D", "L_u per decade"];
     /// Shares of sweeps that count as 95 %.
     const NOMINAL: std::ops::RangeInclusive<f64> = 0.92..=0.98;
-    /// Where the runs are so precise that parabolas misfit the surface, the misfit is in the intervals: it
-    /// counts as noise, but is alike at all budgets, and moves exponents less than noise would.
+    /// If the runs are so precise that parabolas misfit the surface, the intervals include the misfit: it counts as noise,
+    /// but is similar at all budgets, and moves exponents less than noise would.
     const MISFITTING: std::ops::RangeInclusive<f64> = 0.92..=1.0;
     /// From this noise down, in nats.
     const PRECISE: f64 = 0.005;
@@ -211,7 +211,7 @@ mod coverage {
         fit(&sweep.points(), &options).unwrap()
     }
 
-    /// What the true optima of these budgets have.
+    /// The exponents of the true optima.
     fn truth(budgets: &[f64]) -> Quantities {
         let optima: Vec<(f64, f64)> = budgets.iter().map(|c| known_optimum(*c)).collect();
         let sizes: Vec<f64> = optima.iter().map(|(n, _)| n.exp()).collect();
@@ -243,7 +243,7 @@ mod coverage {
     /// One line of the table.
     struct Coverage {
         of_truth: f64,
-        /// Of what the estimator gives from the same grid without noise.
+        /// Coverage of the estimate from the same grid without noise.
         of_noiseless: f64,
         /// The noiseless value less the truth, in standard deviations of the estimate.
         bias: f64,

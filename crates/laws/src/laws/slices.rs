@@ -1,13 +1,12 @@
-//! Runs that were planned by one count of FLOPs, at equal FLOPs by another.
+//! Moves runs planned by one FLOP rule to equal FLOPs by another.
 //!
-//! A sweep spends its budgets by one rule. By another the runs of a budget spent more or less than one
-//! another, and a curve through them is none of equal compute. So each run is moved along its own cell:
-//! of one model and vocabulary the loss is a function of ln C, known at the budgets that the cell was
-//! trained at. A run of ln C and loss L stands in the slice at ln C' with L + f(C') − f(C), where f is
-//! the parabola through the cell's means at its budget and at those before and after it, or the line
-//! through two.
+//! A sweep is planned by one rule. By another rule the runs of a budget have unequal FLOPs, and a curve through them
+//! does not have equal compute. So each run is moved along its cell: for one model and vocabulary the loss is a
+//! function of ln C, known at the budgets of the cell. A run at ln C with loss L gets the loss L + f(C') − f(C) in
+//! the slice at ln C', where f is the parabola through the cell's means at its budget and the neighbouring ones, or
+//! the line through two.
 //!
-//! A slice lies at the geometric mean of what the runs of its budget spent by the other rule.
+//! A slice lies at the geometric mean of the FLOPs of its budget's runs by the other rule.
 
 use crate::laws::input::budget::Budget;
 use crate::laws::input::{Cell, FitError, IsoFlopPoint, cells, group_budgets, is_same_budget};
@@ -22,14 +21,14 @@ const SAME: f64 = 1e-9;
 /// The slices of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slices {
-    /// Each run in its slice, in the table's order; `None` where its cell does not reach so far.
+    /// Each run in its slice, in the table's order; `None` if its cell does not reach so far.
     pub points: Vec<Option<IsoFlopPoint>>,
-    /// Each declared budget, and where its slice lies.
+    /// Each declared budget, and the FLOPs of its slice.
     pub levels: Vec<(f64, f64)>,
 }
 
 impl Slices {
-    /// Where the slice of a declared budget lies.
+    /// The FLOPs of a declared budget's slice.
     pub fn level_of(&self, budget_flops: f64) -> Option<f64> {
         let own = self.levels.iter().find(|(declared, _)| is_same_budget(*declared, budget_flops));
         own.map(|(_, level)| *level)

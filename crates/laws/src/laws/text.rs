@@ -1,4 +1,4 @@
-//! Numbers for a person.
+//! Formats numbers for a person.
 
 /// `x` in scientific notation with at most `digits` after the point, trailing zeros left out.
 pub fn short(x: f64, digits: usize) -> String {

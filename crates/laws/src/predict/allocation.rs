@@ -1,5 +1,4 @@
-//! N_nv, N_v and D at a budget: by the laws as fitted and by each bootstrap replicate, and brought onto the budget
-//! where they spend too much or too little.
+//! N_nv, N_v and D at a budget, by the fitted laws and by each bootstrap replicate, scaled to spend the budget.
 
 use super::{FlopCount, PredictError, Shape};
 use crate::laws::{LawSample, Laws, Optimum, Parameters, PerQuantity};
@@ -30,7 +29,7 @@ impl Allocation {
         (count.flops)(self.params_nonvocab, self.params_vocab, self.tokens)
     }
 
-    /// The same under the names that laws of `parameters` have; without V.
+    /// The same under the names of `parameters`; without V.
     pub(super) fn named(&self, parameters: Parameters) -> PerQuantity<f64> {
         let all = PerQuantity {
             params_nonvocab: Some(self.params_nonvocab),
@@ -63,13 +62,12 @@ impl Allocation {
 
 /// The allocation with the same N_v/N_nv and N/D that spends the budget.
 ///
-/// All three are scaled by one factor e^−s. Under `6nd` s = r/2, r being ln(spent/C): of all
-/// changes of ln N and ln D that spend C it is the smallest. Under another rule s is found by the
-/// iteration s ← s + r/2, which contracts as long as the count grows with an exponent between 0
-/// and 4 when model and tokens grow together; every rule's lies between 1 and 2.
+/// All three are scaled by one factor e^−s. Under `6nd`, s = r/2 with r = ln(spent/C): the smallest change of ln N and
+/// ln D that spends C. Under another rule s is found by the iteration s ← s + r/2, which converges if the count grows
+/// with an exponent between 0 and 4 as model and tokens grow together; every rule's lies between 1 and 2.
 ///
 /// # Errors
-/// [`PredictError::NotProjected`] where the count does not behave so.
+/// [`PredictError::NotProjected`] if it does not converge.
 pub fn project(
     raw: &Allocation,
     budget: f64,
@@ -94,7 +92,7 @@ pub fn project(
 pub(super) enum Vocabulary {
     /// By its law in C.
     Law,
-    /// It is not: the laws are of N, which stands in the place of N_nv.
+    /// No vocabulary: the laws have N in place of N_nv.
     None,
     /// One vocabulary was tried: N_v = V·d, d being the width of the shape nearest to N_nv.
     Fixed(f64),
@@ -102,7 +100,7 @@ pub(super) enum Vocabulary {
 
 impl Vocabulary {
     /// # Errors
-    /// [`PredictError::MissingLaw`] where there is neither a law nor a single vocabulary.
+    /// [`PredictError::MissingLaw`] without a law or a single vocabulary.
     pub fn of(laws: &Laws) -> Result<Self, PredictError> {
         if laws.parameters == Parameters::Total {
             return Ok(Self::None);
@@ -136,7 +134,7 @@ pub(super) fn fitted_at(
     read_at(law, laws, (vocabulary, shapes), budget)
 }
 
-/// N_nv, N_v and D of one replicate at C; none where they leave the range of numbers.
+/// N_nv, N_v and D of one replicate at C; none if they leave the range of numbers.
 pub(super) fn sample_at(
     sample: &LawSample,
     laws: &Laws,

@@ -1,8 +1,8 @@
 //! From laws and a budget to a configuration: pure functions over values.
 //!
 //! `Laws → raw values at C → projected onto C → nearest buildable shape`, gathered in a
-//! [`Prediction`]. Laws of N and D also tell the loss of a model that is not the best one for its
-//! FLOPs: [`predict_sized`].
+//! [`Prediction`]. Laws of N and D also predict the loss of a model that is not the best one for its FLOPs:
+//! [`predict_sized`].
 //!
 //! # Example
 //!
@@ -10,7 +10,7 @@
 //! use isoflop_laws::laws::scamo;
 //! use isoflop_laws::predict::{PredictOptions, predict};
 //!
-//! // What ScaMo's published laws say of 1e18 FLOPs.
+//! // The optimum for 1e18 FLOPs by ScaMo's published laws.
 //! let best = predict(&scamo(), 1e18, &PredictOptions::default())?;
 //! let [size, vocab, tokens] =
 //!     [best.at.params_nonvocab, best.at.params_vocab, best.at.tokens].map(Option::unwrap);
@@ -99,21 +99,21 @@ pub struct Together {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weighed {
     pub law: Candidate,
-    /// Those of a forecast sum to 1, but for laws below half a percent.
+    /// The weights of a forecast sum to 1, except for laws below half a percent.
     pub weight: f64,
 }
 
-/// 95 % percentile intervals over the bootstrap of the laws; absent where they hold no bootstrap.
+/// 95 % percentile intervals over the bootstrap of the laws; absent if they hold no bootstrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Intervals {
     #[serde(flatten)]
     pub at: PerQuantity<[f64; 2]>,
     /// On the clips that the runs were measured on.
     pub loss_normalised: Option<[f64; 2]>,
-    /// On other clips of their kind; absent where it is not known which were recorded together.
+    /// On other clips of their kind; absent if it is not known which were recorded together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss_on_other_clips: Option<[f64; 2]>,
-    /// Of the floor law's loss.
+    /// Interval of the floor law's loss.
     #[serde(default)]
     pub loss_floor: Option<[f64; 2]>,
 }
@@ -125,7 +125,7 @@ pub struct PredictedShape {
     pub n_head: u64,
     pub d_model: u64,
     pub n_vocab: u64,
-    /// FSQ levels whose product is `n_vocab`; empty where the vocabulary is the trainer's own, or the only
+    /// FSQ levels whose product is `n_vocab`; empty if the vocabulary is the trainer's own, or the only
     /// one that was tried and no such product.
     pub levels: Vec<u32>,
 }
@@ -156,7 +156,7 @@ pub struct Raw {
 pub struct FlopCount<'a> {
     /// `openai`, `6nd` or `exact`.
     pub rule: &'a str,
-    /// Of N_nv, N_v and D; must grow with each.
+    /// Function of N_nv, N_v and D; must grow with each.
     pub flops: &'a (dyn Fn(f64, f64, f64) -> f64 + Sync),
 }
 

@@ -1,4 +1,4 @@
-//! The prediction itself.
+//! Predicts the optimum of a budget.
 
 use super::{
     Allocation, Intervals, PredictError, PredictOptions, PredictedShape, Prediction, Raw, project,
@@ -14,10 +14,10 @@ use crate::predict::shapes::Codebook;
 
 /// The optimal configuration for `budget` FLOPs.
 ///
-/// Read are the laws of all budgets, the held-out one included. Where a joint law is recommended, the
-/// allocation is its optimum on the budget. Else the power laws are read at C, and the values, which
-/// rarely spend exactly C, are projected onto it ([`project()`]). The nearest shape of the options and the
-/// nearest codebook are chosen. Every interval goes through the same steps, replicate by replicate.
+/// The laws of all budgets are used, the held-out one included. If a joint law is recommended, the allocation is its
+/// optimum for the budget. Otherwise the power laws are evaluated at C, and the values, which rarely spend exactly C,
+/// are projected onto it ([`project()`]). The nearest shape of the options and the nearest codebook are chosen.
+/// Every interval goes through the same steps, replicate by replicate.
 ///
 /// # Errors
 /// [`PredictError`].
@@ -74,7 +74,7 @@ pub fn predict(
     Ok(prediction)
 }
 
-/// The smallest fitted budget over `budget`, where that is above 1; a published law does not say its budgets.
+/// The smallest fitted budget over `budget`, if above 1; `None` for a published law, without budgets.
 pub(super) fn below_fit(laws: &Laws, budget: f64) -> Option<f64> {
     let factor = laws.range()[0] / budget;
     (factor > 1.0 + 1e-9 && laws.law != LawKind::Published).then_some(factor)
@@ -86,7 +86,7 @@ pub(super) fn loss_name(laws: &Laws) -> Option<String> {
     (name != LOSS_NORMALISED).then(|| name.to_string())
 }
 
-/// What the recommended law asks for at a budget.
+/// The optimum of the recommended law at a budget.
 #[derive(Clone, Copy)]
 struct Best {
     vocabulary: Vocabulary,
@@ -94,7 +94,7 @@ struct Best {
     at_c: Allocation,
     /// Spending the budget.
     on_budget: Allocation,
-    /// Where a joint law is recommended.
+    /// If a joint law is recommended.
     joint: Option<Optimum>,
 }
 
@@ -119,7 +119,7 @@ impl Best {
         Ok(Self { vocabulary, at_c, on_budget, joint: None })
     }
 
-    /// V, where it is told apart.
+    /// V, if the laws have it.
     fn n_vocab(&self, options: &PredictOptions) -> Option<f64> {
         let by_width = || self.on_budget.n_vocab(options.shapes);
         self.joint.map_or_else(by_width, |joint| joint.n_vocab).filter(|v| *v > 0.0)
@@ -143,8 +143,8 @@ fn raw(laws: &Laws, best: &Best, budget: f64, options: &PredictOptions) -> Raw {
     }
 }
 
-/// V: the only one tried, else that of the sweep's own models where a joint law knows them, else that of
-/// the nearest shape; and that shape with the codebook to build.
+/// V: the only one tried, else by the widths of the sweep's models if a joint law has them, else by the nearest shape;
+/// and that shape with the codebook to build.
 fn shape(
     laws: &Laws,
     best: &Best,
@@ -174,8 +174,7 @@ fn shape(
     Ok((n_vocab, shape))
 }
 
-/// The interval of every quantity: what the replicates say, spread by what the other laws say and by how
-/// far the laws' own forecasts missed.
+/// The interval of every quantity: from the replicates, widened by the other laws and by the errors of past forecasts.
 fn intervals(
     laws: &Laws,
     best: &Best,

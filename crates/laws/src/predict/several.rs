@@ -1,21 +1,21 @@
-//! What each law that is believed to some part says at a budget beside the recommended one; how far their
-//! intervals spread with the distance from the fit, and what they say together.
+//! Predictions of the other tested laws at a budget, the widening of intervals with the distance from the fit, and the
+//! weighted mean of all laws.
 
 use super::{Allocation, PredictError, PredictOptions, Prediction, Together, Weighed, project};
 use crate::laws::{Belief, Candidate, Deviations, Laws, Normals, PerQuantity};
 use crate::predict::allocation::{Vocabulary, fitted_at};
 
-/// What a law says more than the recommended one does, and how far it is believed.
+/// The difference of a law's prediction from the recommended one, and its weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Opinion {
     pub belief: Belief,
     pub shift: Deviations,
 }
 
-/// Where a law has its optimum, and the loss there.
+/// The optimum of a law, and the loss there.
 type Said = (f64, Allocation);
 
-/// Of every tested law that says something at `budget`; empty where no law was tested.
+/// The predictions of every tested law at `budget`; empty if no law was tested.
 pub(super) fn opinions(
     laws: &Laws,
     how: (Vocabulary, &PredictOptions),
@@ -35,7 +35,7 @@ pub(super) fn opinions(
     opinions
 }
 
-/// What one law says at a budget.
+/// The prediction of one law at a budget.
 fn said(
     laws: &Laws,
     law: Candidate,
@@ -70,15 +70,14 @@ fn shift(own: Said, other: Said) -> Deviations {
 
 // The part of an interval that grows with the distance from the fit.
 
-/// How far forecasts go astray at a distance from their fit, drawn anew for each replicate: which law is
-/// right, and how far it misses.
+/// The forecast error at a distance from the fit, drawn for each replicate: the law, and its error.
 pub(super) struct Spread {
     opinions: Vec<Opinion>,
     /// ln of the budget over the largest fitted; 0 within the fit.
     distance: f64,
 }
 
-/// Replicates that each one of the laws stands for, so that the tails are filled.
+/// Draws per replicate of a law, to fill the tails.
 const DRAWS: u64 = 20;
 
 impl Spread {
@@ -138,14 +137,14 @@ impl Spread {
     }
 }
 
-// What all tested laws forecast together, beside the recommended one.
+// The weighted mean of all tested laws.
 
 /// Shares of a forecast that are not worth telling.
 const NOTHING: f64 = 0.005;
 
-/// The forecast of several laws; `None` within the fit, and where one law says it all.
+/// The weighted mean of several laws; `None` within the fit, or with a single law.
 ///
-/// `own` is the recommended law's, which asks for `on_budget`.
+/// `own` is the recommended law's prediction, with the allocation `on_budget`.
 ///
 /// # Errors
 /// [`PredictError::NotProjected`].

@@ -1,4 +1,4 @@
-//! What can be built: shapes of models, and vocabularies of FSQ levels.
+//! Models and vocabularies that can be built: shapes, and FSQ levels.
 
 use std::borrow::Cow;
 use std::sync::LazyLock;
@@ -23,7 +23,7 @@ impl Shape {
     }
 
     /// N_nv = L(4d² + 3 d d_ff + 2d) + d: attention, SwiGLU and norms of each block, and the last
-    /// norm. The text projection is a group of its own and not counted.
+    /// norm. The text projection is a separate group and not counted.
     pub fn params_nonvocab(&self) -> u64 {
         let Self { n_layer, d_model: d, d_ff, .. } = self;
         n_layer * (4 * d * d + 3 * d * d_ff + 2 * d) + d
@@ -84,17 +84,17 @@ pub(super) fn nearest<T>(candidates: &[T], target: f64, size: impl Fn(&T) -> f64
 pub struct Codebook {
     /// V, the product of the levels.
     pub n_vocab: u64,
-    /// The largest first; empty where V is no product of them.
+    /// The largest first; empty if V is no product of them.
     pub levels: Vec<u32>,
 }
 
 /// Levels of a dimension, at most, as in ScaMo's Table 8.
 const MOST_LEVELS: u32 = 8;
-/// Levels of a dimension, at least (Mentzer et al. 2023); and where no product of such is near.
+/// Least levels of a dimension (Mentzer et al. 2023), and the fallback if no product is near.
 const FEWEST_LEVELS: [u32; 2] = [5, 4];
 /// A product this far off is near.
 const NEAR: f64 = 1.05;
-/// Dimensions are added while a product is below this multiple of what is wanted.
+/// Dimensions are added while a product is below this multiple of the target.
 const OVERSHOOT: f64 = 2.0;
 
 impl Codebook {
@@ -109,8 +109,8 @@ impl Codebook {
         Self { n_vocab: n_vocab.round() as u64, levels: Vec::new() }
     }
 
-    /// The codebook nearest to `n_vocab` codes by ratio: of 5 to 8 levels a dimension, or of 4 to 8
-    /// where none of those is within 5 %.
+    /// The codebook nearest to `n_vocab` codes by ratio: with 5 to 8 levels per dimension, or with 4 to 8 if none of
+    /// those is within 5 %.
     pub fn near(n_vocab: f64) -> Self {
         let [few, fewer] = FEWEST_LEVELS.map(|fewest| codebook_nearest(n_vocab, fewest));
         let off = |codebook: &Self| (codebook.n_vocab as f64 / n_vocab).ln().abs();

@@ -1,4 +1,4 @@
-//! The loss of a model that need not be the best one for its FLOPs, as one trained on more tokens is.
+//! Predicts the loss of a model that need not be the best one for its FLOPs.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,9 +15,9 @@ use crate::predict::warnings::is_far;
 /// A model, and the tokens that it is trained on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelSize {
-    /// N, or N_nv for laws that tell the vocabulary apart.
+    /// N, or N_nv for laws with a vocabulary.
     pub params: f64,
-    /// V, for laws that tell the vocabulary apart.
+    /// V, for laws with a vocabulary.
     pub n_vocab: Option<f64>,
     /// N_v in place of V.
     pub params_vocab: Option<f64>,
@@ -25,7 +25,7 @@ pub struct ModelSize {
     pub tokens: f64,
 }
 
-/// The loss of a model on some tokens, beside that of the best model for the same FLOPs.
+/// The loss of a model on some tokens, and of the best model for the same FLOPs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SizedPrediction {
     /// Name of the laws.
@@ -70,19 +70,19 @@ pub struct SizedOptimum {
 pub struct SizedIntervals {
     pub loss_normalised: Option<[f64; 2]>,
     pub optimum_loss: Option<[f64; 2]>,
-    /// Of the difference, replicate by replicate.
+    /// Interval of the difference, replicate by replicate.
     pub loss_above_optimum: Option<[f64; 2]>,
 }
 
 /// Bisections for the FLOPs of an equal loss: ln C to 1e-10.
 const STEPS: usize = 40;
-/// How much fewer FLOPs an equal loss is looked for at.
+/// Largest factor fewer FLOPs at which an equal loss is searched.
 const LN_FEWEST: f64 = 30.0;
 
-/// The loss of `model` by the law of N and D that `laws` hold, beside the best model for its FLOPs.
+/// Predicts the loss of `model` by the law of N and D in `laws`, and the best model for its FLOPs.
 ///
 /// # Errors
-/// [`PredictError::NoLossLaw`] if the laws know the loss of optimal models only,
+/// [`PredictError::NoLossLaw`] if the laws cover only optimal models,
 /// [`PredictError::NoVocabulary`] if they need V and it is not given, [`PredictError::OutOfRange`].
 pub fn predict_sized(laws: &Laws, model: &ModelSize) -> Result<SizedPrediction, PredictError> {
     let law = Told::of(laws)?;
@@ -132,7 +132,7 @@ fn equal_loss(law: &Told, loss: f64, flops: f64) -> Option<f64> {
     Some((0.5 * (low + high)).exp())
 }
 
-// The law of N and D that laws hold, and what it says of a model.
+// The law of N and D, evaluated at a model.
 
 /// A law of N and D.
 pub(super) enum Told<'a> {
@@ -156,7 +156,7 @@ impl<'a> Told<'a> {
         }
     }
 
-    /// What its size is.
+    /// The kind of its size.
     pub fn parameters(&self) -> Parameters {
         match self {
             Self::Parametric(law) => law.coefficients.form.parameters(),
@@ -164,11 +164,10 @@ impl<'a> Told<'a> {
         }
     }
 
-    /// What it says of `model`.
+    /// Evaluates it at `model`.
     ///
     /// # Errors
-    /// [`PredictError::NoVocabulary`], or [`PredictError::VocabularyUnknown`] where one is given to a law
-    /// without.
+    /// [`PredictError::NoVocabulary`], or [`PredictError::VocabularyUnknown`] if one is given to a law without.
     fn at(&self, laws: &Laws, model: &ModelSize) -> Result<SizedLoss, PredictError> {
         let split = self.parameters() == Parameters::Split;
         if !split && (model.n_vocab.is_some() || model.params_vocab.is_some()) {
@@ -199,7 +198,7 @@ impl<'a> Told<'a> {
         })
     }
 
-    /// The best model for `flops`; none where the law has none.
+    /// The best model for `flops`; `None` if the law has none.
     pub fn optimum(&self, flops: f64) -> Option<Optimum> {
         match self {
             Self::Parametric(law) => optimum(&law.coefficients, flops),
@@ -223,14 +222,14 @@ fn of_vocabulary(laws: &Laws, model: &ModelSize) -> Result<f64, PredictError> {
     own.ok_or_else(|| PredictError::NoVocabulary { laws: laws.name.clone(), needs })
 }
 
-/// V as given, or that of the N_v given, or the only one that was tried.
+/// V as given, or from the given N_v, or the only one tried.
 fn codes(law: &JointLaw, laws: &Laws, model: &ModelSize) -> Result<f64, PredictError> {
     let missing = || PredictError::NoVocabulary { laws: laws.name.clone(), needs: "--vocab V" };
     let by_params = model.params_vocab.map(|params| law.codes(model.params, params));
     model.n_vocab.or(by_params).or(laws.only_vocabulary()).ok_or_else(missing)
 }
 
-// What makes the loss of a model less certain than it seems.
+// Warnings about the loss of a model.
 
 /// Runs that count less than this share are hardly fitted.
 const HARDLY: f64 = 0.5;
@@ -249,7 +248,7 @@ fn cautions(prediction: &SizedPrediction, laws: &Laws, law: &Told) -> Vec<String
     sentences.into_iter().flatten().collect()
 }
 
-/// A size far outside those that were tried.
+/// A size far outside the range tried.
 fn size(prediction: &SizedPrediction, laws: &Laws) -> Option<String> {
     let [low, high] = laws.judgement.tried?.sizes;
     let size = *prediction.model.size()?;
@@ -304,7 +303,7 @@ fn rule(laws: &Laws, law: &Told) -> Option<String> {
         .then(|| format!("FLOPs are counted as 6ND here, and in the fit by {}.", laws.flops_rule))
 }
 
-/// Beyond the fit a joint law's own interval knows nothing of how its forecasts missed.
+/// Beyond the fit, a joint law's own interval ignores the errors of its forecasts.
 fn noise_alone(prediction: &SizedPrediction, law: &Told) -> Option<String> {
     if prediction.ci95.loss_normalised.is_none() {
         return Some(format!("{} holds no bootstrap, so there are no intervals.", prediction.law));

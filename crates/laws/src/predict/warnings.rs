@@ -1,4 +1,4 @@
-//! The sentences a prediction owes its reader.
+//! The warnings of a prediction.
 
 use super::{Intervals, PredictOptions, Prediction};
 use crate::laws::text::count;
@@ -7,10 +7,10 @@ use crate::predict::allocation::{Vocabulary, shape_for};
 
 /// Laws that spend a budget to within this share count as consistent.
 const RATIO_TOLERANCE: f64 = 0.05;
-/// A shape or codebook further off than this factor is no match.
+/// A shape or codebook further off than this factor gets a warning.
 const MISFIT: f64 = 1.5;
 
-/// Everything that makes the prediction less than it seems, the weightiest first.
+/// All warnings, the heaviest first.
 pub(super) fn of(
     prediction: &Prediction,
     laws: &Laws,
@@ -45,7 +45,7 @@ pub(super) fn missed(validations: &[Validated], metric: &Metric) -> Option<Strin
     });
     let told: Vec<String> = told.collect();
     (!told.is_empty()).then(|| {
-        format!("Forecasts of this sweep have missed what was then measured: {}.", told.join(", "))
+        format!("Earlier forecasts of this sweep missed the measured loss: {}.", told.join(", "))
     })
 }
 
@@ -53,37 +53,37 @@ fn rule(laws: &Laws, options: &PredictOptions) -> Option<String> {
     let counted = options.flop_count.rule;
     (counted != laws.flops_rule).then(|| {
         format!(
-            "The laws are written in {} FLOPs, but the projection counts by {counted}.",
+            "The laws are in {} FLOPs, but the prediction counts by {counted}.",
             laws.flops_rule
         )
     })
 }
 
-/// Passes over the data from which they are worth less than as much fresh data.
+/// Passes over the data above which repeats are worth less than fresh data.
 const REPEATED: f64 = 1.5;
-/// How far beyond the sizes and vocabularies tried a prediction goes unremarked.
+/// Largest factor beyond the sizes and vocabularies tried without a warning.
 const BEYOND_TRIED: f64 = 2.0;
 
-/// Where the prediction repeats the sweep's data more than what its law is fitted to did.
+/// A warning if the prediction repeats the data more often than the runs that its law is fitted to.
 fn repetition(prediction: &Prediction, laws: &Laws) -> Option<String> {
     let unique = laws.judgement.tried?.unique_tokens?;
     let epochs = prediction.at.tokens? / unique;
     let law = laws.recommended_law();
     let most = match law.is_joint() {
         true => laws.judgement.tried?.epochs?,
-        // A law of minima knows no other runs.
+        // A law of minima is fitted to its minima alone.
         false => laws.own_minima().map(|minimum| minimum.tokens).fold(0.0, f64::max) / unique,
     };
     let joint = laws.judgement.joint.as_ref().filter(|joint| joint.tells_repetition());
     let other = prediction.raw.loss_joint.filter(|_| joint.is_some() && !law.is_joint());
     let so = other.map_or(": expect a higher loss".to_string(), |loss| {
-        format!("; the joint law knows them: {loss:.3}")
+        format!("; the joint law, which models repeats, predicts {loss:.3}")
     });
     (epochs > most.max(REPEATED))
         .then(|| format!("D is {epochs:.1} passes over the data (fit: {most:.1}){so}."))
 }
 
-/// Where N_nv or V lies far beyond what was tried.
+/// A warning if N_nv or V lies far outside the range tried.
 fn sizes_tried(prediction: &Prediction, laws: &Laws) -> Option<String> {
     let tried = laws.judgement.tried?;
     let size = *prediction.at.size()?;
@@ -97,7 +97,7 @@ fn sizes_tried(prediction: &Prediction, laws: &Laws) -> Option<String> {
         format!("V = {v:.0} ({low:.0} to {high:.0})")
     });
     let far: Vec<String> = [far_size, far_vocab].into_iter().flatten().collect();
-    (!far.is_empty()).then(|| format!("Far outside what was tried: {}.", far.join(", ")))
+    (!far.is_empty()).then(|| format!("Far outside the range tried: {}.", far.join(", ")))
 }
 
 pub(super) fn is_far(value: f64, [low, high]: [f64; 2]) -> bool {
@@ -114,7 +114,7 @@ fn overspending(prediction: &Prediction) -> Option<String> {
     };
     ((ratio - 1.0).abs() > RATIO_TOLERANCE).then(|| {
         let factor = ratio.max(1.0 / ratio);
-        format!("The laws {what} by a factor {factor:.2}; {size} and {tokens} are scaled by {scale:.3} each.")
+        format!("The separate laws {what} the budget by a factor {factor:.2}; {size} and {tokens} are scaled by {scale:.3} each.")
     })
 }
 
@@ -141,7 +141,7 @@ fn vocab_edge(laws: &Laws) -> Option<String> {
     })
 }
 
-/// Where V leaves what the sweep's own minima span, by more than their widest step would.
+/// A warning if V lies outside the span of the sweep's minima by more than a factor [`MISFIT`].
 fn vocab_range(prediction: &Prediction, laws: &Laws, vocabulary: Vocabulary) -> Option<String> {
     if let Vocabulary::Fixed(n_vocab) = vocabulary {
         return Some(format!(
@@ -152,7 +152,7 @@ fn vocab_range(prediction: &Prediction, laws: &Laws, vocabulary: Vocabulary) -> 
     let own = laws.own_minima().map(|m| m.n_vocab);
     let (low, high) = own.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
     let v = prediction.at.n_vocab?;
-    // Where V was hardly tried at all, the first sentence has it.
+    // If V is far outside the range tried, `sizes_tried` warns already.
     let tried = laws.judgement.tried.is_none_or(|tried| !is_far(v, tried.vocabularies));
     (tried && high > 0.0 && !(low / MISFIT..=high * MISFIT).contains(&v)).then(|| {
         format!("V = {v:.0} lies outside the optima of the fit, which span {low:.0} to {high:.0}.")
@@ -163,8 +163,8 @@ fn codebook(prediction: &Prediction) -> Option<String> {
     let (wanted, built) = (prediction.at.n_vocab?, prediction.shape.as_ref()?.n_vocab as f64);
     ((wanted / built).ln().abs() > MISFIT.ln()).then(|| {
         format!(
-            "The nearest codebook that can be built has {built:.0} codes, for V = {wanted:.0}: its \
-             N_v is {:.2} times the optimum's.",
+            "The nearest codebook that can be built has {built:.0} codes instead of V = {wanted:.0}: its \
+            N_v is {:.2} times the optimal one.",
             built / wanted
         )
     })
@@ -175,21 +175,21 @@ fn shape(prediction: &Prediction, options: &PredictOptions) -> Option<String> {
     let built = shape_for(wanted, options.shapes).ok()?.params_nonvocab() as f64;
     ((wanted / built).ln().abs() > MISFIT.ln()).then(|| {
         format!(
-            "The nearest shape that can be built has N_nv = {}, for {}.",
+            "The nearest shape that can be built has N_nv = {} instead of {}.",
             count(built),
             count(wanted)
         )
     })
 }
 
-/// Of a sweep, whose models have both; a table of N holds no doubt in that.
+/// A warning if a sweep's laws have no vocabulary; a table of N alone needs none.
 fn no_vocabulary(laws: &Laws, vocabulary: Vocabulary) -> Option<String> {
     (vocabulary == Vocabulary::None && laws.from_sweep).then(|| {
-        "The laws are of model size alone, so neither a vocabulary nor a shape is predicted.".into()
+        "The laws cover model size alone, so neither a vocabulary nor a shape is predicted.".into()
     })
 }
 
-/// Where the floor law, judged by the held-out budget, is the better guide to the loss.
+/// A warning if the floor law was closer to the loss of the held-out budget than the log law.
 fn loss_laws(prediction: &Prediction, laws: &Laws) -> Option<String> {
     if laws.recommended_law() != Candidate::Log {
         return None;
@@ -199,8 +199,8 @@ fn loss_laws(prediction: &Prediction, laws: &Laws) -> Option<String> {
     let floor_error = laws.loss.floor.as_ref().filter(|law| !law.is_at_bound())?.held_out_error?;
     (floor_error.abs() < log_error.abs()).then(|| {
         format!(
-            "The loss {log:.3} is the log law's; the floor law, which was nearer at the held-out \
-             budget ({floor_error:+.3} against {log_error:+.3}), gives {floor:.3}."
+            "The loss {log:.3} comes from the log law; the floor law, whose error at the held-out budget \
+            is smaller ({floor_error:+.3} against {log_error:+.3}), gives {floor:.3}."
         )
     })
 }
@@ -219,5 +219,5 @@ fn outside(prediction: &Prediction) -> Option<String> {
 /// A joint law has replicates of its own.
 fn no_intervals(prediction: &Prediction, laws: &Laws) -> Option<String> {
     (prediction.ci95 == Intervals::default())
-        .then(|| format!("{} holds no bootstrap, so there are no intervals.", laws.name))
+        .then(|| format!("{} has no bootstrap replicates, so there are no intervals.", laws.name))
 }

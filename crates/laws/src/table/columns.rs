@@ -1,17 +1,17 @@
-//! `--columns name=expression,…`: which column of a table stands for which quantity.
+//! `--columns name=expression,…`: maps the columns of a table to quantities.
 
 use std::collections::BTreeMap;
 
 use super::{Expression, Quantity, Table, TableError};
 use crate::laws::LOSS_NORMALISED;
 
-/// The columns of one table by what they stand for.
+/// The columns of one table by quantity.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Named {
     pub numbers: BTreeMap<Quantity, Vec<f64>>,
-    /// What messages call each row.
+    /// The name of each row in messages.
     pub run_ids: Vec<String>,
-    /// Where each quantity comes from, for a message.
+    /// The source of each quantity, for messages.
     pub sources: BTreeMap<Quantity, String>,
     pub notes: Vec<String>,
 }
@@ -57,7 +57,7 @@ fn evaluate(
     Ok(())
 }
 
-/// What `--columns` says, in its order.
+/// The entries of `--columns`, in order.
 fn given(text: &str, table: &Table) -> Result<Vec<(Quantity, Expression)>, TableError> {
     let mut chosen: Vec<(Quantity, Expression)> = Vec::new();
     for part in split(text) {
@@ -83,8 +83,7 @@ fn assignment(part: &str, table: &Table) -> Result<(Quantity, Expression), Table
     Ok((quantity, expression))
 }
 
-/// The parts between commas that stand in no parentheses, quotes or backticks; a last comma ends
-/// the last part.
+/// Splits at commas outside parentheses, quotes and backticks; a last comma ends the last part.
 fn split(text: &str) -> Vec<&str> {
     let (mut depth, mut quote, mut start, mut parts) = (0usize, None, 0, Vec::new());
     for (i, c) in text.char_indices() {
@@ -106,10 +105,10 @@ fn split(text: &str) -> Vec<&str> {
     parts
 }
 
-/// Columns named as a quantity that `--columns` does not give; a sweep's table names its loss
-/// [`LOSS_NORMALISED`], and budgets may stand under `budget`.
+/// Columns named like a quantity that `--columns` does not give; a sweep's table names its loss [`LOSS_NORMALISED`],
+/// and budgets may be named `budget`.
 ///
-/// Where `--columns` gives N, a column N_nv is left alone: the two could disagree.
+/// If `--columns` gives N, a column N_nv is ignored: the two could disagree.
 fn implicit(given: &[(Quantity, Expression)], table: &Table) -> Vec<(Quantity, Expression)> {
     let is_given = |quantity| given.iter().any(|(of, _)| *of == quantity);
     let mut taken = Vec::new();

@@ -1,10 +1,10 @@
-//! A CSV text into a table: one pass for the numbers, a second only where there is text.
+//! Parses a CSV text into a table: one pass for numbers, a second only for text.
 
 use std::borrow::Cow;
 
 use super::{Column, ReadProblem, Table};
 
-/// What a numeric column may hold where a value is missing, without regard to case.
+/// Cells that mean a missing number, in any case.
 const MISSING: [&str; 8] = ["", "-", "na", "n/a", "#n/a", "nan", "null", "none"];
 
 type Cells<'a> = Vec<Cow<'a, str>>;
@@ -112,7 +112,7 @@ pub(super) fn is_missing(cell: &str) -> bool {
     cell.len() <= 4 && MISSING.iter().any(|name| cell.eq_ignore_ascii_case(name))
 }
 
-/// The type of a cell and its number; none where it is missing.
+/// The type of a cell and its number; `None` if it is missing.
 fn value(cell: &str) -> Option<(Kind, f64)> {
     let cell = cell.trim();
     if is_missing(cell) {
@@ -149,11 +149,11 @@ fn texts(records: Records<'_>, columns: &[Numbers]) -> Result<Vec<Vec<String>>, 
 
 // The records of a text, cell by cell (RFC 4180).
 //
-// Polars reads CSV too, but it ends a record at the wrong place where a quote is not closed, and
-// its errors name no line. This reader takes nothing on trust: a quote opens a cell only at the
-// cell's start, and what does not fit is an error with its line. Lines end in LF, CR LF or CR.
+// Polars reads CSV too, but it ends a record at the wrong place if a quote is not closed, and its errors name no line.
+// This reader is strict: a quote opens a cell only at the cell's start, and every mismatch is an error with its line.
+// Lines end in LF, CR LF or CR.
 
-/// Walks through a text; a copy starts again from where it was taken.
+/// A cursor over a text; a copy continues from its position.
 #[derive(Clone, Copy)]
 struct Records<'a> {
     text: &'a str,
@@ -199,7 +199,7 @@ impl<'a> Records<'a> {
         self.text.as_bytes().get(self.at).copied()
     }
 
-    /// The cell that starts here; stops before what ends it.
+    /// Reads the cell that starts here, and stops before its delimiter.
     fn cell(&mut self) -> Result<Cow<'a, str>, ReadProblem> {
         if self.peek() == Some(b'"') { self.quoted() } else { Ok(Cow::Borrowed(self.plain())) }
     }

@@ -1,17 +1,17 @@
-//! What follows from the quantities given.
+//! Derives missing quantities from the given ones.
 //!
-//! | quantity | where it is not given | unit |
+//! | quantity | if not given | unit |
 //! | --- | --- | --- |
 //! | N_v | V·d, else N − N_nv | parameters |
 //! | V | N_v/d; N_v where d is unknown | codes |
 //! | N_nv | N − N_v | parameters |
-//! | D | C/(6 N), C being the declared budget | tokens |
+//! | D | C/(6 N), with the declared budget C | tokens |
 //! | C | 6 N D | FLOPs |
 //! | FLOPs spent | 6 N D | FLOPs |
 //! | seed, weight | 0, 1 | |
-//! | share of the data, distinct tokens | not known | , tokens |
+//! | share of the data, distinct tokens | unknown | , tokens |
 //!
-//! N = N_nv + N_v. Where only N is given it stands in the place of N_nv, and N_v and V are 0.
+//! N = N_nv + N_v. If only N is given, it is stored as N_nv, and N_v and V are 0.
 //! 6 N D counts the multiplications and additions of one forward and one backward pass (Kaplan et
 //! al. 2020, without attention).
 
@@ -31,11 +31,11 @@ pub(super) struct Derived {
     /// N_nv is under the name of N if that is all that is known.
     pub columns: Vec<(Quantity, Vec<f64>)>,
     pub notes: Vec<String>,
-    /// Sentences on what is likely wrong with all rows.
+    /// Sentences on likely errors in all rows.
     pub doubts: Vec<String>,
 }
 
-/// Fills in what is not given; `table` is named in errors.
+/// Fills in missing quantities; `table` is named in errors.
 pub(super) fn derive(named: &Named, table: &Table) -> Result<Derived, TableError> {
     let n_rows = named.run_ids.len();
     let missing = |what, remedy| TableError::Missing { what, remedy, columns: table.listed() };
@@ -79,7 +79,7 @@ pub(super) fn derive(named: &Named, table: &Table) -> Result<Derived, TableError
     })
 }
 
-/// What a model's size is called.
+/// The name of a model's size.
 fn size(parameters: Parameters) -> Quantity {
     match parameters {
         Parameters::Split => Quantity::ParamsNonvocab,
@@ -87,7 +87,7 @@ fn size(parameters: Parameters) -> Quantity {
     }
 }
 
-/// 0 is what a trainer writes that does not know.
+/// A trainer writes 0 if the value is unknown.
 fn known(mut values: Vec<f64>) -> Vec<f64> {
     values.iter_mut().filter(|value| **value == 0.0).for_each(|value| *value = f64::NAN);
     values
@@ -187,7 +187,7 @@ fn zip(a: &[f64], b: &[f64], of: impl Fn(f64, f64) -> f64) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| of(*a, *b)).collect()
 }
 
-/// Names what a table without vocabulary parameters cannot use.
+/// Names quantities that a table without vocabulary parameters cannot use.
 fn unused(named: &Named) -> Option<String> {
     let has = |quantity: &Quantity| named.numbers.contains_key(quantity);
     let of = [Quantity::NVocab, Quantity::DModel];
@@ -211,7 +211,7 @@ fn disagreement(total: &[f64], nonvocab: &[f64], vocab: &[f64]) -> Option<String
 /// The largest whole number below which a float holds every one.
 const LARGEST_SEED: f64 = 9_007_199_254_740_992.0;
 
-/// "tokens", with the column or expression that gives it where that is another name.
+/// "tokens", with its column or expression if the name differs.
 pub(super) fn source(named: &Named, quantity: Quantity) -> String {
     match named.sources.get(&quantity) {
         Some(text) if text != quantity.name() => format!("{quantity} (`{text}`)"),
@@ -264,7 +264,7 @@ impl Derived {
         })
     }
 
-    /// What the value would have to be; none where it will do.
+    /// The requirement that the value fails; `None` if it is valid.
     fn rejects(&self, quantity: Quantity, value: f64) -> Option<&'static str> {
         let unknown = match quantity {
             Quantity::ParamsVocab | Quantity::NVocab => self.parameters == Parameters::Total,

@@ -1,4 +1,4 @@
-//! Why a file gives no table, a table no points and an expression no values; what dropped a row.
+//! Errors of files, tables and expressions; reasons for dropped rows.
 
 use serde::Serialize;
 use std::fmt;
@@ -51,7 +51,7 @@ pub enum TableError {
     NothingLeft { stage: DropStage, count: usize, first: String },
 }
 
-/// What is wrong with a file.
+/// The problem of a file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ReadProblem {
     #[error("cannot be read: {0}")]
@@ -85,13 +85,13 @@ pub enum ReadProblem {
     Parquet(String),
 }
 
-/// What dropped a row.
+/// Why a row was dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DropStage {
     /// A cell that is needed is empty.
     Missing,
-    /// It is the copy of a row before it.
+    /// It is a copy of an earlier row.
     Copy,
     /// `--drop-highest`.
     DropHighest,
@@ -105,7 +105,7 @@ impl fmt::Display for DropStage {
     }
 }
 
-// What is wrong with an expression.
+// Errors of expressions.
 
 /// An expression that could not be understood; shown with a caret under the place.
 #[derive(Clone, Debug, PartialEq)]
@@ -117,7 +117,7 @@ pub struct ExpressionError {
     pub problem: ExpressionProblem,
 }
 
-/// What is wrong there.
+/// The problem.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ExpressionProblem {
     #[error("no column is named `{name}`; {hint}columns: {columns}")]

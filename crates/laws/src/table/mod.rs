@@ -1,4 +1,4 @@
-//! From any table of runs made elsewhere to [`IsoFlopPoint`](crate::laws::IsoFlopPoint)s.
+//! Turns any table of runs into [`IsoFlopPoint`](crate::laws::IsoFlopPoint)s.
 //!
 //! `file → Table → quantities → derived quantities → rows kept and rows dropped`
 //!
@@ -7,10 +7,10 @@
 //! | a CSV, TSV or Parquet file into columns | [`read()`] |
 //! | `7M`, `1,5e7` and other written numbers | `written` |
 //! | `Model Size*1e6`, `loss < 4 and not outlier` | [`Expression::parse`] |
-//! | `--columns` into the quantities a law knows | `columns` |
-//! | the quantities that follow from the others | `derive` |
+//! | `--columns` into quantities | `columns` |
+//! | derived quantities | `derive` |
 //! | the groups of a column | [`groups()`] |
-//! | rows that cannot be trusted | [`OutlierStage::split`] |
+//! | doubtful rows | [`OutlierStage::split`] |
 //! | all of it | [`load`] |
 //!
 //! # Example
@@ -48,6 +48,8 @@ mod written;
 pub use error::{DropStage, ExpressionError, ExpressionProblem, ReadProblem, TableError};
 pub use expression::Expression;
 pub use outliers::{OutlierStage, Split};
+#[cfg(feature = "parquet")]
+pub use parquet::parquet_frame;
 pub use read::{ReadError, read};
 pub use rows::{Dropped, Loaded, TableRequest, groups, load};
 pub use written::number;
@@ -79,7 +81,7 @@ pub enum Column {
     Written { numbers: Vec<f64>, cells: Vec<String> },
 }
 
-/// What a column stands for in an expression.
+/// The value of a column in an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reads {
     Number,
@@ -172,7 +174,7 @@ fn distinct(column: &Column, rows: &[usize]) -> Vec<String> {
 
 // The quantities that a column can stand for.
 
-/// What a column of a table can be, by the names of `--columns`.
+/// The quantities of columns, by the names of `--columns`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Quantity {
     /// N, where the vocabulary is not told apart.
@@ -189,19 +191,19 @@ pub enum Quantity {
     Tokens,
     /// C as declared: rows are grouped by it.
     BudgetFlops,
-    /// What the run spent, where that differs from the declared budget.
+    /// The FLOPs of the run, if different from the declared budget.
     Flops,
     /// The loss to fit.
     Loss,
     /// Tells repeats of one configuration apart.
     Seed,
-    /// How much the row counts.
+    /// The weight of the row.
     Weight,
     /// Distinct tokens of what the run was trained on.
     UniqueTokens,
-    /// What it saw of the data, 1 being all.
+    /// The fraction of the data used, 1 for all.
     Share,
-    /// What messages call the row.
+    /// The name of the row in messages.
     RunId,
 }
 
@@ -274,7 +276,7 @@ pub struct UnknownName {
     valid: String,
 }
 
-/// What a name stands for among all of a kind.
+/// The item of a kind with a name.
 fn named<T: Copy>(
     kind: &'static str,
     name: &str,

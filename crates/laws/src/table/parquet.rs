@@ -1,4 +1,4 @@
-//! Reads a Parquet file. The one file of this module that knows polars.
+//! Reads a Parquet file. The only file of this module that uses polars.
 
 use polars::prelude::*;
 use std::cell::Cell;
@@ -12,10 +12,23 @@ use super::{Column, ReadProblem, Table};
 /// A Parquet file can claim any number of rows in a few bytes; a table of runs has fewer.
 const MAX_ROWS: usize = 100_000_000;
 
-/// A Parquet file's columns, with a panic of the reader turned into an error.
-///
-/// Polars trusts a file's metadata and panics where a damaged one breaks that trust; see [`quietly`].
+/// A Parquet file's columns.
 pub(super) fn table(bytes: Vec<u8>) -> Result<Table, ReadProblem> {
+    let (frame, notes) = parquet_frame(bytes)?;
+    let columns = frame.columns().iter().map(|c| Ok((c.name().to_string(), column(c)?)));
+    let columns = columns.collect::<PolarsResult<_>>();
+    let columns = columns.map_err(|error| ReadProblem::Parquet(error.to_string()))?;
+    Ok(Table { columns, n_rows: frame.height(), notes })
+}
+
+/// A Parquet file as polars has it, and a sentence for each column that is left out; a panic of the reader is
+/// turned into an error.
+///
+/// # Errors
+/// [`ReadProblem`]: it is no such file, or a damaged one.
+///
+/// Polars trusts a file's metadata and panics where a damaged one breaks that trust.
+pub fn parquet_frame(bytes: Vec<u8>) -> Result<(DataFrame, Vec<String>), ReadProblem> {
     const MAGIC: &[u8] = b"PAR1";
     if bytes.is_empty() {
         return Err(ReadProblem::Empty);
@@ -25,12 +38,12 @@ pub(super) fn table(bytes: Vec<u8>) -> Result<Table, ReadProblem> {
         return Err(ReadProblem::Parquet(reason));
     }
     match quietly(AssertUnwindSafe(|| frame(bytes))) {
-        Some(table) => table.map_err(|error| ReadProblem::Parquet(error.to_string())),
+        Some(frame) => frame.map_err(|error| ReadProblem::Parquet(error.to_string())),
         None => Err(ReadProblem::Parquet("its contents contradict each other".to_string())),
     }
 }
 
-fn frame(bytes: Vec<u8>) -> PolarsResult<Table> {
+fn frame(bytes: Vec<u8>) -> PolarsResult<(DataFrame, Vec<String>)> {
     check_footer(&bytes).map_err(|reason| polars_err!(ComputeError: "{reason}"))?;
     let mut reader = ParquetReader::new(Cursor::new(&bytes));
     check_counts(&mut reader, &bytes)?;
@@ -47,8 +60,11 @@ fn frame(bytes: Vec<u8>) -> PolarsResult<Table> {
         }
     }
     let frame = reader.with_projection(Some(read)).finish()?;
-    let columns = frame.columns().iter().map(|c| Ok((c.name().to_string(), column(c)?)));
-    Ok(Table { columns: columns.collect::<PolarsResult<_>>()?, n_rows: frame.height(), notes })
+    if let Some(cut) = frame.columns().iter().find(|column| column.len() != frame.height()) {
+        let (name, found, rows) = (cut.name(), cut.len(), frame.height());
+        polars_bail!(ComputeError: "column {name} has {found} cells, and the table {rows} rows");
+    }
+    Ok((frame, notes))
 }
 
 /// Refuses counts in the metadata that no file of this size can hold; see the checks below.
@@ -95,7 +111,7 @@ fn column(column: &polars::prelude::Column) -> PolarsResult<Column> {
     Ok(Column::Number(cells.collect()))
 }
 
-// A panic of the reader without its message: it is caught, and told as an error.
+// Catches a panic of the reader silently, and turns it into an error.
 
 thread_local! {
     /// Whether this thread reads.
@@ -105,10 +121,10 @@ thread_local! {
 /// Threads that read.
 static READERS: AtomicUsize = AtomicUsize::new(0);
 
-/// What `read` gives; `None` where it panics, of which nothing is printed.
+/// The result of `read`; `None` if it panics, without a message.
 ///
-/// The hook is one for the whole process. It keeps quiet about panics of the threads that read, and while one
-/// reads about those that begin in polars, whose own threads help; all others it hands on.
+/// The panic hook is global. It silences panics of reading threads, and, while one reads, panics from polars, which has
+/// its own threads; it passes on all others.
 fn quietly<T>(read: impl FnOnce() -> T + UnwindSafe) -> Option<T> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {

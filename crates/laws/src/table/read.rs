@@ -12,10 +12,10 @@ pub struct ReadError {
     pub problem: ReadProblem,
 }
 
-/// Reads a table; the extension (`.csv`, `.txt`, `.tsv`, `.parquet`) says what it is.
+/// Reads a table; the extension (`.csv`, `.txt`, `.tsv`, `.parquet`) sets the format.
 ///
 /// # Errors
-/// The path, and what is wrong on which line. A table without rows is an error.
+/// The path, and the problem with its line. A table without rows is an error.
 pub fn read(path: &Path) -> Result<Table, ReadError> {
     contents(path)
         .and_then(checked)

@@ -1,4 +1,4 @@
-//! A table's rows into the points that laws are fitted to.
+//! Turns a table's rows into points for the laws.
 
 use serde::Serialize;
 use std::cmp::Reverse;
@@ -12,7 +12,7 @@ use crate::laws::{IsoFlopPoint, Parameters};
 use crate::table::columns::{Named, named};
 use crate::table::derive::{Derived, derive, source};
 
-/// What to make of a table.
+/// The request for a table.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TableRequest {
     /// `name=expression,…`; without it the columns named as quantities are taken.
@@ -21,23 +21,23 @@ pub struct TableRequest {
     pub group: Option<Group>,
     /// Conditions that a row must meet, all of them.
     pub filters: Vec<String>,
-    /// How many rows of the highest loss to drop, after the filters.
+    /// Number of rows with the highest loss to drop, after the filters.
     pub drop_highest: usize,
     /// Rows that cannot be trusted, stage by stage.
     pub outliers: Vec<OutlierStage>,
 }
 
-/// The points of a table, and what became of the other rows.
+/// The points of a table, and the dropped rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loaded {
     /// In the table's order.
     pub points: Vec<IsoFlopPoint>,
     pub parameters: Parameters,
-    /// Whether budgets were declared; else each row's is what it spent, and no two need agree.
+    /// Whether budgets were declared; else each row's budget is what it spent, and no two need agree.
     pub budget_declared: bool,
     /// Rows dropped one by one, in the order of the stages; `--where` is only counted, in a note.
     pub dropped: Vec<Dropped>,
-    /// Sentences for a person: what was taken implicitly, what looks wrong.
+    /// Notes: implicit choices, and likely errors.
     pub notes: Vec<String>,
     /// Sentences on rows that are likely wrong; they are notes too.
     pub doubts: Vec<String>,
@@ -48,16 +48,16 @@ pub struct Loaded {
 pub struct Dropped {
     pub run_id: String,
     pub stage: DropStage,
-    /// For a person: what is wrong with the row.
+    /// The problem of the row.
     pub reason: String,
 }
 
-/// Makes points of the rows of `table`: filters, derives, drops copies, what is missing, what has the
-/// highest loss, and outliers, in this order.
+/// Makes points of the rows of `table`: filters, derives, and drops copies, incomplete rows, the highest losses and
+/// outliers, in this order.
 ///
 /// # Errors
-/// What in the request does not fit the table; a row whose values no law can use; the step that
-/// left no row.
+/// The part of the request that does not fit the table; a row with values that no law can use; the step that left no
+/// row.
 pub fn load(table: &Table, request: &TableRequest) -> Result<Loaded, TableError> {
     let named = named(request.columns.as_deref(), table)?;
     let mut notes = [&table.notes[..], &named.notes].concat();
@@ -155,7 +155,7 @@ fn something_left(stage: DropStage, nothing: bool, dropped: &[Dropped]) -> Resul
     Err(TableError::NothingLeft { stage, count, first })
 }
 
-/// For each of some rows the first of them that has the same cell in every column, where that is another.
+/// For each row, the first other row with the same cell in every column, if any.
 fn first_alike(table: &Table, rows: &[usize]) -> Vec<Option<usize>> {
     let mut seen: HashMap<Vec<Key>, usize> = HashMap::new();
     let cells = |row: usize| table.columns.iter().map(move |(_, column)| column.key(row)).collect();
@@ -232,15 +232,14 @@ pub fn groups(
     Ok(values.into_iter().map(|value| Group { column: column.to_string(), value }).collect())
 }
 
-/// Words in the name of a column that tells where runs come from, the most telling first.
+/// Words in the name of a column of the runs' origin, the most likely first.
 const TELLING: [&str; 8] =
     ["experiment", "dataset", "data_set", "corpus", "source", "group", "study", "family"];
 /// Rows of a value, at least, on average: a column of names has one.
 const ROWS_EACH: usize = 3;
 
-/// A note where rows of several experiments are fitted as one law: by the column of most values whose
-/// name tells where runs come from. `budgets` are those of the rows, if they were declared; rows that
-/// share no budget are not told of.
+/// A note if rows of several experiments are fitted as one law: by the origin column with the most values. `budgets`
+/// are those of the rows, if declared; rows without a common budget give no note.
 fn mixed(table: &Table, rows: &[usize], budgets: Option<&[f64]>) -> Option<String> {
     let rank = |name: &str| TELLING.iter().position(|word| name.to_lowercase().contains(word));
     let texts = table.columns.iter().filter(|(name, _)| rank(name).is_some());

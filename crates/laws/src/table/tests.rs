@@ -1,4 +1,4 @@
-//! Whole tables: the order of the steps, what is said of each row, and the published tables.
+//! Whole tables: the order of the steps, the messages on rows, and the published tables.
 
 use proptest::prelude::*;
 use std::fmt::Write;

@@ -1,15 +1,15 @@
-//! Numbers as people write them: `7M`, `0.02B`, `1,5e7`, `1,234,567`.
+//! Numbers as users write them: `7M`, `0.02B`, `1,5e7`, `1,234,567`.
 //!
-//! A comma before three digits may part thousands or begin decimals. What a column means shows in its
-//! other cells, or in another column of the file; a column that shows it nowhere stays text.
+//! A comma before three digits may separate thousands or decimals. Other cells of the column, or other columns of the
+//! file, decide; an undecided column stays text.
 
 use super::{Column, Table};
 use crate::table::csv::is_missing;
 
-/// Letters after a number, and what they multiply it by.
+/// Letters after a number, and their factors.
 const SUFFIXES: [(char, f64); 5] = [('k', 1e3), ('m', 1e6), ('b', 1e9), ('g', 1e9), ('t', 1e12)];
 
-/// What a comma means.
+/// The meaning of a comma.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Comma {
     Decimal,
@@ -65,10 +65,10 @@ pub(super) fn unclear(cells: &[String]) -> Option<String> {
     }
 }
 
-/// What the commas of a column of numbers mean; `None` if it has none, or is no column of numbers.
+/// The meaning of the commas in a column of numbers; `None` without commas, or if it is no such column.
 ///
 /// # Errors
-/// Where they mean both.
+/// They have both meanings.
 fn comma(cells: &[String]) -> Result<Option<Comma>, ()> {
     let mut meant = None;
     for cell in cells.iter().filter(|cell| !is_missing(cell)) {
@@ -136,7 +136,7 @@ fn written(cell: &str) -> Option<Written<'_>> {
     Some(found)
 }
 
-/// What the commas in a number mean; `None` if they stand where no number has them.
+/// The meaning of the commas in a number; `None` if they are at invalid places.
 fn meaning(digits: &str) -> Option<Comma> {
     let unsigned = digits.trim_start_matches(['+', '-']);
     let (mantissa, exponent) = match unsigned.split_once(['e', 'E']) {

@@ -1,4 +1,4 @@
-//! What is promised of intervals and of rounds, against simulated sweeps. Minutes each, so not by default:
+//! Tests of intervals and of rounds on simulated sweeps. Minutes each, so not by default:
 //!
 //! `cargo test --release -p isoflop-laws --test simulated -- --ignored --nocapture`
 
@@ -22,7 +22,7 @@ const SWEEPS: u64 = 200;
 /// Where a row is told by fewer.
 const FEWER: u64 = 100;
 
-/// What sweeps are made of.
+/// The settings of sweeps.
 #[derive(Clone, Copy)]
 struct Made<'a> {
     truth: Truth,

@@ -22,7 +22,7 @@ pub struct TokenizerMetrics {
     pub reconstruction_l1: f64,
     /// Mean per-joint position error, pelvis-aligned, in millimetres.
     pub mpjpe_mm: f64,
-    /// The same with the true heading in place of the tokenizer's own.
+    /// The same with the true heading instead of the tokenizer's own.
     pub mpjpe_heading_mm: Option<f64>,
     /// `mpjpe_mm` on the validation split, by which tokenizers are chosen.
     pub val_mpjpe_mm: Option<f64>,
@@ -30,16 +30,16 @@ pub struct TokenizerMetrics {
     pub val_mpjpe_heading_mm: Option<f64>,
     /// Share of codes met in the test split, of all codebooks together.
     pub utilisation: f64,
-    /// exp of the entropy of the code histogram of the test split: effective codes. Codes of several
-    /// codebooks stand in one histogram, apart.
+    /// exp of the entropy of the code histogram of the test split: effective codes. Several codebooks share one histogram
+    /// with separate codes.
     pub exponential_entropy: f64,
     pub parameters: usize,
-    /// Steps after which the weights are those that are kept.
+    /// The step of the kept weights.
     pub train_steps: usize,
     pub wall_s: f64,
     /// The use of each scale's own codebook.
     pub scales: Option<Vec<ScaleUse>>,
-    /// Frames that a code stands for; `None` where that depends on the clip.
+    /// Frames per code; `None` if that depends on the clip.
     pub frames_per_code: Option<usize>,
     /// Seed of its weights, clips and windows.
     pub seed: Option<u64>,
@@ -94,7 +94,7 @@ impl ScaleUse {
 }
 
 impl TokenizerMetrics {
-    /// `patch vq`; `vq` where the architecture is not known.
+    /// `patch vq`; `vq` if the architecture is unknown.
     pub fn name(&self) -> String {
         let words: Vec<&str> =
             self.architecture.iter().map(String::as_str).chain([&*self.kind]).collect();
@@ -102,13 +102,12 @@ impl TokenizerMetrics {
     }
 }
 
-/// How well k-means reconstructs the test split.
+/// The reconstruction of the test split by k-means.
 ///
-/// Principal components of patches of four frames, weighted near what MPJPE counts, with joints at
-/// their height above the root; 15 rounds; a code stands for the patch on the line through all. Beside a
-/// residual quantizer k-means is residual too: as many codebooks of as many codes, each of what those
-/// before it leave over, so that both spend the same bits on a frame. A multi-scale quantizer spends its
-/// bits on a clip whatever its length, which k-means of patches cannot, so it has no such baseline.
+/// Principal components of patches of four frames, with weights close to MPJPE and joints at their height above the
+/// root; 15 rounds; a code decodes to its patch by least squares. The baseline of a residual quantizer is residual too:
+/// as many codebooks of the same size, each for the residual of the previous ones, so both spend the same bits per
+/// frame. A multi-scale quantizer spends a fixed number of bits per clip, so it has no such baseline.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Baseline {
     #[serde(rename = "kmeans_mpjpe_mm")]
@@ -128,8 +127,7 @@ pub struct CodeMap {
 /// The codes of one scale.
 pub struct ScaleCodes {
     pub met: CodeHistogram,
-    /// Where the embedding of each code lies along the two first principal components of all codes that
-    /// were met, of all scales together, `[v]`.
+    /// The embedding of each code along the first two principal components of all used codes of all scales, `[v]`.
     pub places: Vec<[f64; 2]>,
 }
 

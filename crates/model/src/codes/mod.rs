@@ -1,4 +1,4 @@
-//! The codes of a data set: what lies between a tokenizer and a generator.
+//! The codes of a data set, the interface between a tokenizer and a generator.
 //!
 //! # Example
 //!
@@ -25,7 +25,7 @@ pub use compared::{percent, remarks, table, two_decimals};
 pub use metrics::{Baseline, CodeMap, Continuity, ScaleCodes, ScaleUse, TokenizerMetrics};
 pub use store::{SplitTokens, TokenStore, write_store};
 
-// How often each code was met, and what follows from it.
+// Code frequencies and their statistics.
 
 /// Counts of codes over a whole split.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,12 +41,12 @@ impl CodeHistogram {
         Self { counts }
     }
 
-    /// The codes of several codebooks as those of one.
+    /// Combines several codebooks into one.
     pub fn together(parts: &[Self]) -> Self {
         Self { counts: parts.iter().flat_map(|part| part.counts.iter().copied()).collect() }
     }
 
-    /// How often each code was met, `[n_vocab]`.
+    /// The count of each code, `[n_vocab]`.
     pub fn counts(&self) -> &[u64] {
         &self.counts
     }
@@ -69,24 +69,24 @@ impl CodeHistogram {
     }
 }
 
-// The codes of one clip in a file of their own.
+// The codes of one clip in a file.
 
 /// Frames beyond which a number is taken for a slip of the pen: eighty minutes.
 const MOST_FRAMES: usize = 100_000;
 
-/// The codes of one clip, and what they are codes of.
+/// The codes of one clip, with their source.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClipCodes {
-    /// The tokenizer, which alone can tell what they mean.
+    /// The tokenizer that can decode them.
     pub tokenizer_id: String,
     /// The name of the file that the motion came from, without its folder.
     pub motion: String,
-    /// What a tokenizer with language was shown.
+    /// The caption given to a tokenizer with language.
     pub caption: Option<String>,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
-    /// Frames that the codes stand for: whole latents.
+    /// Frames covered by the codes: whole latents.
     pub frames: usize,
     pub scales: Vec<ClipScale>,
     /// Scale after scale.
@@ -120,10 +120,10 @@ impl ClipCodes {
         atomic::write_json(path, self)
     }
 
-    /// Reads what [`ClipCodes::write`] wrote.
+    /// Reads a file of [`ClipCodes::write`].
     ///
     /// # Errors
-    /// The file is missing, is none of these, or contradicts itself.
+    /// The file is missing, has another format, or contradicts itself.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let advice = "`isoflop tokenize` writes such files";
         let read: Option<Self> = read_if_there(path).map_err(|error| error.with_advice(advice))?;
@@ -134,7 +134,7 @@ impl ClipCodes {
         }
     }
 
-    /// What cannot be true of a clip.
+    /// The contradiction in a clip, if any.
     fn problem(&self) -> Option<String> {
         let wanted: usize = self.scales.iter().map(|scale| scale.n_codes).sum();
         let found = self.codes.len();

@@ -1,10 +1,9 @@
-//! [`TokenStore`]: the codes of a data set in one memory-mapped file that many processes share.
+//! [`TokenStore`]: the codes of a data set in one file that many processes read.
 //!
-//! The file is safetensors: for each split `<split>.codes` (u32, clip after clip, those of a clip
-//! scale after scale), `<split>.offsets` (u64, where each clip starts, and the end) and
-//! `<split>.frames` (u64, the frames of each clip that its codes stand for), with the [`Grid`] as
-//! JSON in its metadata; `<split>.groups` (u32, clips with one number were recorded together) where that
-//! is known.
+//! The file is safetensors: for each split `<split>.codes` (u32, clip by clip, within a clip scale by scale),
+//! `<split>.offsets` (u64, the start of each clip, and the end) and `<split>.frames` (u64, the frames of each clip
+//! covered by its codes), with the [`Grid`] as JSON in its metadata; `<split>.groups` (u32, clips with one number were
+//! recorded together) if known.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -13,7 +12,7 @@ use std::path::Path;
 use super::{CodeHistogram, Grid};
 use crate::data::Split;
 use crate::files::FileError;
-use crate::files::columns::{self, Column, MappedFile, NewColumn};
+use crate::files::columns::{self, Column, ColumnFile, NewColumn};
 use crate::spec::Share;
 
 /// The codes of one split.
@@ -24,12 +23,12 @@ pub struct SplitTokens {
     offsets: Vec<u64>,
     /// `[n_clips]`.
     frames: Vec<u64>,
-    /// `[n_clips]`; empty where it is not known which clips were recorded together.
+    /// `[n_clips]`; empty if it is not known which clips were recorded together.
     groups: Vec<u32>,
 }
 
 impl SplitTokens {
-    /// Joins clips, each with the frames that its codes stand for; they keep their order.
+    /// Joins clips, each with the frames covered by its codes, in order.
     pub fn new<'a>(clips: impl IntoIterator<Item = (&'a [u32], usize)>) -> Self {
         let mut split = Self { offsets: vec![0], ..Self::default() };
         for (codes, frames) in clips {
@@ -86,6 +85,7 @@ fn name(split: Split, part: &str) -> String {
 /// A tokenised data set, opened for reading.
 #[derive(Debug)]
 pub struct TokenStore {
+    file: ColumnFile,
     grid: Grid,
     /// In [`Split::ALL`]'s order.
     splits: [StoredSplit; 3],
@@ -100,16 +100,27 @@ struct StoredSplit {
 }
 
 impl TokenStore {
-    /// Maps the file into memory and checks that it is whole.
+    /// Opens the file and checks that it is whole.
     ///
     /// # Errors
     /// [`FileError::Read`] and [`FileError::Damaged`].
     pub fn open(path: &Path) -> Result<Self, FileError> {
-        let file = MappedFile::open(path)?.verified()?;
+        let file = ColumnFile::open(path)?.verified()?;
         let grid = file.note(GRID).and_then(|text| serde_json::from_str(text).ok());
         let grid: Grid = grid.ok_or_else(|| file.damaged("the grid of its codes is missing"))?;
+        if grid.scales.is_empty() || grid.scales.iter().any(|scale| !scale.is_sound()) {
+            return Err(file.damaged("the grid of its codes has a scale without codes"));
+        }
         let [train, val, test] = Split::ALL.map(|split| StoredSplit::read(&file, split, &grid));
-        Ok(Self { splits: [train?, val?, test?], grid })
+        Ok(Self { splits: [train?, val?, test?], grid, file })
+    }
+
+    /// Whether the codes are still those that were opened.
+    ///
+    /// # Errors
+    /// [`FileError::Changed`].
+    pub fn unchanged(&self) -> Result<(), FileError> {
+        self.file.unchanged()
     }
 
     /// The grid of the codes.
@@ -122,12 +133,12 @@ impl TokenStore {
         self.grid.n_vocab()
     }
 
-    /// What a generator predicts of a split: its codes, and an end token a clip where they have one.
+    /// The targets of a split: its codes, and an end token per clip if the grid has one.
     pub fn n_targets(&self, split: Split) -> usize {
         self.n_tokens(split) + usize::from(self.grid.end_token) * self.n_clips(split)
     }
 
-    /// What a generator predicts of a clip: its codes, and the end token where there is one.
+    /// The targets of a clip: its codes, and the end token if the grid has one.
     pub fn n_targets_of_clip(&self, split: Split, index: usize) -> usize {
         self.clip(split, index).len() + usize::from(self.grid.end_token)
     }
@@ -144,7 +155,7 @@ impl TokenStore {
         (0..self.n_clips(Split::Test)).map(unseen).sum()
     }
 
-    /// The frames of a split that its codes stand for.
+    /// The frames of a split covered by its codes.
     pub fn n_frames(&self, split: Split) -> usize {
         self.split(split).frames.values().iter().sum::<u64>() as usize
     }
@@ -165,19 +176,19 @@ impl TokenStore {
         &self.codes(split)[offsets[index] as usize..offsets[index + 1] as usize]
     }
 
-    /// The frames of a clip that its codes stand for.
+    /// The frames of a clip covered by its codes.
     pub fn clip_frames(&self, split: Split, index: usize) -> usize {
         self.split(split).frames.values()[index] as usize
     }
 
-    /// The group of each clip of a split: clips with one number were recorded together. `None` where the
+    /// The group of each clip of a split: clips with one number were recorded together. `None` if the
     /// file does not say.
     pub fn groups(&self, split: Split) -> Option<&[u32]> {
         self.split(split).groups.as_ref().map(Column::values)
     }
 
-    /// The codes of a clip as ids of one vocabulary, in which the codebooks stand after one another:
-    /// those of a scale are moved by the codes of the codebooks before it.
+    /// The codes of a clip as ids of one vocabulary, the concatenation of the codebooks: ids of a scale are offset by the
+    /// earlier codebooks.
     pub fn stream(&self, split: Split, index: usize) -> Cow<'_, [u32]> {
         let codes = self.clip(split, index);
         if self.grid.scales.len() == 1 {
@@ -219,8 +230,8 @@ impl TokenStore {
         counts.map(|&count| ((count + 1) as f64 / total).ln()).collect()
     }
 
-    /// ln p_uni of each id of [`TokenStore::stream`] and, last, of the end token, `[V + 1]`, in nats:
-    /// each by the table of its own scale, so that a unigram model knows the scale of what comes next.
+    /// ln p_uni of each id of [`TokenStore::stream`] and, last, of the end token, `[V + 1]`, in nats: each by the table of
+    /// its own scale, so the unigram model knows the scale.
     pub fn stream_log_probs(&self) -> Vec<f64> {
         let mut probs = Vec::with_capacity(self.n_vocab() + 1);
         for scale in 0..self.grid.scales.len() {
@@ -233,9 +244,9 @@ impl TokenStore {
 
     /// The clips of a share of the training split, in their order.
     ///
-    /// Each clip is drawn by itself, so that what a run meets in its first pass over a share is as various as
-    /// what it would meet of the whole split: shares then differ in repetition alone. A smaller share is a
-    /// part of a larger one, and every seed has the same.
+    /// Each clip is drawn separately, so the first pass over a share is as varied as the same number of tokens of the whole
+    /// split: shares then differ only in repetition. A smaller share is a part of a larger one, and all seeds have the same
+    /// shares.
     pub fn training_clips(&self, share: Share) -> Vec<usize> {
         let mut clips: Vec<usize> = (0..self.n_clips(Split::Train)).collect();
         if !share.is_whole() {
@@ -246,7 +257,7 @@ impl TokenStore {
         clips
     }
 
-    /// What a generator predicts of a share of the training split, end tokens included.
+    /// The targets of a share of the training split, end tokens included.
     pub fn training_targets(&self, share: Share) -> usize {
         let clips = self.training_clips(share).into_iter();
         clips.map(|clip| self.n_targets_of_clip(Split::Train, clip)).sum()
@@ -259,7 +270,7 @@ impl TokenStore {
 
 impl StoredSplit {
     /// The columns of a split, checked.
-    fn read(file: &MappedFile, split: Split, grid: &Grid) -> Result<Self, FileError> {
+    fn read(file: &ColumnFile, split: Split, grid: &Grid) -> Result<Self, FileError> {
         let codes = file.column(&name(split, CODES))?;
         let offsets = file.column(&name(split, OFFSETS))?;
         let groups = name(split, GROUPS);

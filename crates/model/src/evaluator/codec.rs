@@ -1,7 +1,6 @@
 //! [`Evaluator`]: trained networks with the statistics that motions are normalised by; [`AnyNetworks`]: networks of any
 //! kind.
 
-use std::io;
 use std::ops::Deref;
 use std::path::Path;
 
@@ -16,9 +15,8 @@ use super::matching::MatchingNetworks;
 use super::motion_clip::Towers;
 use super::seen::{Networks, Rows, Seen, words};
 use crate::data::FeatureStats;
-use crate::files::atomic::write_json;
-use crate::files::{FileError, read_if_there};
-use crate::learn::weights;
+use crate::files::FileError;
+use crate::learn::{described, weights};
 use crate::scores::Embeddings;
 use crate::spec::{EvaluatorSpec, NetworksSpec};
 
@@ -39,17 +37,17 @@ impl Evaluator {
         Self { networks, seen, fps }
     }
 
-    /// What it was trained by.
+    /// Its specification.
     pub fn spec(&self) -> &EvaluatorSpec {
         &self.seen.spec
     }
 
-    /// What motions are normalised by.
+    /// The normalisation of motions.
     pub fn stats(&self) -> &FeatureStats {
         &self.seen.stats
     }
 
-    /// Frames a second of the motions that it knows.
+    /// Frames per second of its motions.
     pub fn fps(&self) -> f64 {
         self.fps
     }
@@ -108,20 +106,24 @@ impl Evaluator {
     pub fn save(&self, folder: &Path) -> Result<(), EvaluatorError> {
         let mut tensors = weights::of_module(&self.networks);
         weights::insert_stats(&mut tensors, self.stats());
-        weights::save(&folder.join(WEIGHTS), &tensors, Default::default())?;
         let saved = Saved { spec: self.spec().clone(), fps: self.fps };
-        Ok(write_json(&folder.join(SPEC), &saved)?)
+        Ok(described::save(folder, SPEC, &saved, &tensors)?)
     }
 
-    /// Reads what [`Evaluator::save`] wrote, for use on `device`.
+    /// Reads files of [`Evaluator::save`], for use on `device`.
     ///
     /// # Errors
     /// A file is missing or damaged.
     pub fn load(folder: &Path, device: &Device) -> Result<Self, EvaluatorError> {
-        let path = folder.join(SPEC);
-        let missing = || FileError::read(&path)(io::ErrorKind::NotFound.into());
-        let Saved { spec, fps } = read_if_there(&path)?.ok_or_else(missing)?;
-        let (mut tensors, _) = weights::load(&folder.join(WEIGHTS))?;
+        let (Saved { spec, fps }, mut tensors) = described::load(folder, SPEC)?;
+        let problem = spec.problems().first().map(|key| format!("{} {}", key.field, key.problem));
+        let sizes = serde_json::json!({
+            "networks": spec.networks, "dim": spec.dim, "word_dim": spec.word_dim
+        });
+        let problem = problem.or_else(|| weights::beyond(&sizes, &tensors));
+        if let Some(problem) = problem.or_else(|| weights::no_rate(fps)) {
+            return Err(FileError::damaged(&folder.join(SPEC), problem).into());
+        }
         let seen = Seen { spec, stats: weights::take_stats(&mut tensors)? };
         let mut unused = ChaCha8Rng::seed_from_u64(0);
         let networks = AnyNetworks::init(&seen.spec, seen.n_features(), &mut unused, device);
@@ -129,17 +131,16 @@ impl Evaluator {
     }
 }
 
-/// What is known of an evaluator beside its weights.
+/// The facts of an evaluator, besides weights.
 #[derive(Serialize, Deserialize)]
 struct Saved {
     spec: EvaluatorSpec,
     fps: f64,
 }
 
-const WEIGHTS: &str = "weights.safetensors";
 const SPEC: &str = "evaluator.json";
 
-// [`AnyNetworks::init`] is the one place that tells kinds apart.
+// Only [`AnyNetworks::init`] matches on the kind.
 
 /// Networks of any kind, as a module.
 #[derive(Module, Debug)]

@@ -1,4 +1,4 @@
-//! [`Corruption`]: ways in which motions are made worse, so that a score can show that it sees them.
+//! [`Corruption`]: ways to make motions worse, to test that a score detects them.
 
 use std::ops::Range;
 
@@ -38,7 +38,7 @@ impl Corruption {
         }
     }
 
-    /// How much, from little to much.
+    /// Strengths, ascending.
     pub fn strengths(self) -> [f64; 3] {
         match self {
             Self::Noise | Self::Shuffling => [0.1, 0.3, 1.0],
@@ -61,7 +61,7 @@ pub struct Motion<'a> {
     /// `[T, 263]` row-major and raw.
     pub features: &'a [f32],
     pub stats: &'a FeatureStats,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
 }
 

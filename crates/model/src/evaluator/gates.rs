@@ -1,4 +1,4 @@
-//! [`Gates`]: what an evaluator is worth, measured on true motions before any score is taken.
+//! [`Gates`]: tests of an evaluator on true motions, before any score is computed.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,7 @@ use crate::data::MotionSource;
 use crate::progress::moved;
 use crate::scores::{Embeddings, Gaussian, POOL, Repeated, distance, frechet_distance, retrieval};
 
-/// How often pools and halves are drawn.
+/// Number of draws of pools and halves.
 const REPEATS: usize = 20;
 
 /// Shares of the pairs that have another pair's caption.
@@ -23,7 +23,7 @@ const SWAPPED: [f64; 3] = [0.1, 0.3, 1.0];
 /// The seed of every draw.
 const SEED: u64 = 0;
 
-/// What an evaluator makes of true motions, and of such that were made worse.
+/// Embeddings of true motions, and of corrupted ones.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gates {
     /// Test clips, each with one of its captions.
@@ -34,7 +34,7 @@ pub struct Gates {
     pub halves_fid: Repeated,
     pub corrupted: Vec<Corrupted>,
     pub swapped: Vec<Swapped>,
-    /// `None` where no two clips have the same caption.
+    /// `None` if no two clips have the same caption.
     pub same_caption: Option<SameCaption>,
     /// Captions of a pool of 32 that another of the pool is equal to.
     pub duplicates: Repeated,
@@ -63,7 +63,7 @@ pub struct Swapped {
     pub precision: Repeated,
 }
 
-/// How far motions of one caption are from one another.
+/// Distance between motions of one caption.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SameCaption {
     /// Pairs of clips that have a caption in common.
@@ -105,10 +105,10 @@ fn precision(pairs: &Embedded) -> Result<[Repeated; 3], EvaluatorError> {
     Ok([first?, second?, third?])
 }
 
-/// FID of one half of true motions from the other: what no score can be told from.
+/// FID between two halves of the true motions: the resolution of the score.
 ///
 /// # Errors
-/// There are fewer than four.
+/// There are fewer than four motions.
 pub fn halves_fid(truth: &Embeddings) -> Result<Repeated, EvaluatorError> {
     fid_of_others(truth, truth, truth.len() / 2)
 }

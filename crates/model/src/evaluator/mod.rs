@@ -1,8 +1,8 @@
-//! Evaluators: networks that embed motions and captions side by side, and what they are worth.
+//! Evaluators: networks that embed motions and captions together, and tests of these networks.
 //!
-//! An [`Evaluator`] is trained on the data at hand, since no published one can be had for every data
-//! set and representation; a score means something beside scores of the same evaluator alone. Whether it
-//! means anything at all, [`Gates`] say: they are measured before any score.
+//! An [`Evaluator`] is trained on the data at hand, since no published one covers every data set and representation;
+//! only scores by the same evaluator can be compared. [`Gates`] decide whether its scores are meaningful: they are
+//! measured before any score.
 //!
 //! # Example
 //!
@@ -57,7 +57,7 @@ pub enum EvaluatorError {
     /// A split of too few clips.
     #[error("an evaluator needs {least} clips of the {split} split, there are {found}")]
     TooFewClips { split: &'static str, least: usize, found: usize },
-    /// A motion that is shorter than what is seen as one.
+    /// A motion shorter than one row of frames.
     #[error("a motion of {n_frames} frames is too short: the evaluator sees {least} as one")]
     TooShort { n_frames: usize, least: usize },
     /// A motion of other features.
@@ -143,7 +143,7 @@ mod tests {
         std::fs::read(folder.join("weights.safetensors")).unwrap()
     }
 
-    /// What an evaluator that learned nothing is caught by, and one that learned something passes.
+    /// An untrained evaluator fails the gates; a trained one passes them.
     #[test]
     fn gates_tell_a_trained_evaluator_from_an_untrained_one() {
         gates_tell(KINDS[0], 0.2);

@@ -23,7 +23,7 @@ const FIRST_SCALE: f64 = 1.0 / 0.07;
 pub struct Towers {
     motion: Tower,
     caption: Tower,
-    /// The logarithm of what cosines are multiplied by, `[1]`.
+    /// The logarithm of the scale of cosines, `[1]`.
     log_scale: Param<Tensor<1>>,
 }
 
@@ -63,8 +63,7 @@ impl Networks for Towers {
 
 // [`Tower`]: sequences of vectors into one unit vector each.
 
-/// The parameters of a tower: a row that sums up stands before each sequence, and every row sees every
-/// other.
+/// The parameters of a tower: a summary row precedes each sequence, and every row attends to every other.
 #[derive(Module, Debug)]
 struct Tower {
     /// `[c, d]`.
@@ -83,7 +82,7 @@ struct Tower {
 }
 
 impl Tower {
-    /// Draws parameters as those of a generator's transformer are drawn.
+    /// Initialises parameters like a generator's transformer.
     fn init(
         spec: &EvaluatorSpec,
         sizes: &MotionClipSpec,
@@ -127,7 +126,7 @@ fn unit(x_ne: Tensor<2>) -> Tensor<2> {
     x_ne.div(square_n1.add_scalar(1e-12).sqrt())
 }
 
-/// The sizes of the blocks of both towers; what only models of codes have is left at nothing.
+/// The sizes of the blocks of both towers; fields for models of codes are zero.
 fn shape(spec: &EvaluatorSpec, sizes: &MotionClipSpec) -> ModelShape {
     let longest = spec.max_words.max(spec.window / sizes.frames);
     ModelShape {
@@ -148,13 +147,13 @@ fn shape(spec: &EvaluatorSpec, sizes: &MotionClipSpec) -> ModelShape {
 /// Cosines are multiplied by 100 at most (Radford et al. 2021).
 const MOST_SCALE: f64 = 100.0;
 
-/// What stands for −∞ where a pair is left out.
+/// The stand-in for −∞ for excluded pairs.
 const LEFT_OUT: f64 = -1e9;
 
-/// Symmetric InfoNCE of unit vectors, `[n, e]` each, in nats, `[1]`: the mean cross-entropy of finding a
-/// motion's caption among those of the batch, and a caption's motion.
+/// Symmetric InfoNCE of unit vectors, `[n, e]` each, in nats, `[1]`: the mean cross-entropy of finding a motion's
+/// caption in the batch, and a caption's motion.
 ///
-/// Pairs with the same caption are no wrong answers: they are left out, but for one's own.
+/// Other pairs with the same caption are no negatives: they are left out.
 fn contrast(
     motions_ne: Tensor<2>,
     captions_ne: Tensor<2>,
@@ -171,7 +170,7 @@ fn contrast(
     (cross_entropy(logits_nn.clone()) + cross_entropy(logits_nn.transpose())) * 0.5
 }
 
-/// Which pairs have the same caption, and are not the same pair.
+/// Different pairs with the same caption.
 fn same(caption_ids: &[u32], device: &Device) -> Tensor<2, Bool> {
     let n = caption_ids.len();
     let of = |i: usize| (0..n).map(move |j| i != j && caption_ids[i] == caption_ids[j]);

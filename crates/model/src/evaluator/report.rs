@@ -10,10 +10,10 @@ use super::train::Course;
 use crate::scores::POOL;
 use crate::spec::EvaluatorSpec;
 
-/// Stands beside every score.
+/// Printed with every score.
 const COMPARABLE: &str = "scores are comparable only with those of this evaluator";
 
-/// What is known of an evaluator.
+/// The facts of an evaluator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvaluatorReport {
     pub evaluator_id: String,
@@ -62,13 +62,13 @@ pub fn table(report: &EvaluatorReport) -> String {
 
 // Gates.
 
-/// R@1 of true motions over that of chance, at least.
+/// Least ratio of R@1 of true motions to chance.
 const TIMES_CHANCE: f64 = 8.0;
 
-/// R@1 with every caption swapped over that of chance, at most.
+/// Largest ratio of R@1 with every caption swapped to chance.
 const SWAPPED_TIMES_CHANCE: f64 = 2.0;
 
-/// Distance of motions of one caption over that of any two, at most.
+/// Largest ratio of the distance between motions of one caption to that of random pairs.
 const SAME_CAPTION_SHARE: f64 = 0.9;
 
 /// Whether an evaluator passes a gate.

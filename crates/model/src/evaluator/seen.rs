@@ -1,5 +1,5 @@
-//! What an evaluator sees of motions and captions: [`Rows`], by a [`Seen`], in [`Pairs`] of a [`Pool`]; and
-//! [`Networks`]: what a kind of evaluator makes of them.
+//! The input of an evaluator: [`Rows`] of motions and captions, by a [`Seen`], in [`Pairs`] of a [`Pool`]; and the trait
+//! of its kinds, [`Networks`].
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -51,7 +51,7 @@ impl Rows {
         self.ranges().flat_map(of).collect()
     }
 
-    /// Where each sequence's summary stands among those rows.
+    /// The index of each sequence's summary among those rows.
     pub fn summaries(&self) -> Arc<[u32]> {
         self.ranges().zip(0..).map(|(range, before)| range.start + before).collect()
     }
@@ -74,7 +74,7 @@ const BOUND: f32 = 10.0;
 #[derive(Clone, Debug)]
 pub struct Seen {
     pub spec: EvaluatorSpec,
-    /// What is normalised by.
+    /// The normalisation.
     pub stats: FeatureStats,
 }
 
@@ -94,13 +94,12 @@ impl Seen {
         self.spec.window / self.spec.frames()
     }
 
-    /// The first window of rows, all of them where there are fewer.
+    /// The first window of rows, or all if there are fewer.
     pub fn first_window<'a>(&self, rows: &'a [f32]) -> &'a [f32] {
         &rows[..rows.len().min(self.window_rows() * self.channels())]
     }
 
-    /// The rows of a motion, `[T, all features]` row-major and raw; the frames after its last whole row
-    /// are left out.
+    /// The rows of a motion, `[T, all features]` row-major and raw, without frames after the last whole row.
     ///
     /// # Errors
     /// It has other features, or fewer frames than a row.
@@ -129,7 +128,7 @@ pub fn words(caption: &str, spec: &EvaluatorSpec) -> Vec<f32> {
     encoder.encode(caption).expect("hashed n-grams have vectors of every caption")
 }
 
-// [`Pool`]: clips and their captions, held in memory as an evaluator sees them.
+// [`Pool`]: clips and their captions in memory, in the evaluator's form.
 
 /// Motions and captions of a batch, side by side.
 #[derive(Clone, Debug)]
@@ -201,8 +200,8 @@ impl<'a> Pool<'a> {
         }
     }
 
-    /// All clips, a batch after another: the first window of each, and one caption. What fills no batch
-    /// is one too where it has two clips.
+    /// All clips in batches: the first window of each, and one caption. A partial batch is kept if it has at least two
+    /// clips.
     pub fn batches(&self) -> Vec<Pairs> {
         let clips: Vec<usize> = (0..self.clips.len()).collect();
         let batches = clips.chunks(self.seen.spec.batch).filter(|batch| batch.len() > 1);
@@ -275,7 +274,7 @@ fn thinned(caption: &[f32], spec: &EvaluatorSpec, rng: &mut ChaCha8Rng) -> Vec<f
     kept.flat_map(|(_, word)| word).copied().collect()
 }
 
-/// Motions and captions into vectors that are near each other where they belong together.
+/// Embeds motions and captions into vectors that are close for matching pairs.
 pub trait Networks {
     /// A vector of each motion, `[n, e]`.
     fn motions(&self, rows: &Rows) -> Tensor<2>;
@@ -283,8 +282,7 @@ pub trait Networks {
     /// A vector of each caption, `[n, e]`.
     fn captions(&self, rows: &Rows) -> Tensor<2>;
 
-    /// How badly motions and captions of a batch find one another, `[1]`: in training, with what is left
-    /// out drawn from `rng`.
+    /// The training loss of a batch, `[1]`, with dropout drawn from `rng`.
     fn loss(&self, pairs: &Pairs, rng: Option<&mut ChaCha8Rng>) -> Tensor<1>;
 }
 

@@ -18,7 +18,7 @@ use crate::learn::{
 use crate::progress::Progress;
 use crate::spec::EvaluatorSpec;
 
-/// Streams of a seed; each step draws from one of its own.
+/// Streams of a seed; each step has its own.
 const WEIGHTS_STREAM: u64 = 0;
 const POOL_STREAM: u64 = 1;
 const VALIDATION_STREAM: u64 = 2;
@@ -42,7 +42,7 @@ pub struct Course {
     /// The step after which the validation loss was lowest; its weights are kept.
     pub best_step: usize,
     pub log: Vec<ValidationLine>,
-    /// Seconds, those of earlier processes included.
+    /// Seconds, including earlier processes.
     pub wall_s: f64,
 }
 
@@ -55,7 +55,7 @@ pub struct ValidationLine {
     pub val_loss: f64,
 }
 
-/// Trains an evaluator on the training split of `source`, from its checkpoint where there is one.
+/// Trains an evaluator on the training split of `source`, from its checkpoint if there is one.
 ///
 /// # Errors
 /// The data hold too few clips or cannot be read, the loss stops being a number, a checkpoint is damaged
@@ -108,12 +108,12 @@ struct Contrasting<'a> {
     train: Pool<'a>,
     val: Vec<Pairs>,
     networks: AnyNetworks,
-    /// The networks with the lowest validation loss, and what they have.
+    /// The networks with the lowest validation loss, and that loss.
     best: Option<(ValidationLine, AnyNetworks)>,
     totals: Totals,
 }
 
-/// Where training stands, beside its weights.
+/// The state of training, besides weights.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Totals {
     loss_sum: f64,
@@ -158,7 +158,7 @@ impl Learner for Contrasting<'_> {
         "lower evaluator.lr, and look for features that are not finite"
     }
 
-    /// Where it is due, measures the networks, and keeps them if they are the best so far.
+    /// If an evaluation is due, measures the networks, and keeps them if they are the best so far.
     fn after(&mut self, step: usize, loss: f64) -> Result<(), LearnError> {
         self.totals.loss_sum += loss;
         self.totals.loss_count += 1;

@@ -1,5 +1,5 @@
-//! [`Truth`]: true clips of the test split, and what an evaluator makes of them; [`MotionScores`]: motions of captions,
-//! scored beside true ones.
+//! [`Truth`]: true clips of the test split and their embeddings; [`MotionScores`]: scores of motions against true
+//! ones.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -19,7 +19,7 @@ use crate::scores::{
 /// Test clips that are taken, at most.
 const MOST_CLIPS: usize = 2048;
 
-/// The seed by which they are drawn where there are more, and ordered.
+/// The seed of their order, and of their draw if there are more.
 const SEED: u64 = 0;
 
 /// True clips, each with one of its captions, in a random order that is always the same.
@@ -65,7 +65,7 @@ impl Truth {
         Ok(Self { features, captions, all_captions, embedded })
     }
 
-    /// How many clips there are.
+    /// The number of clips.
     pub fn n_clips(&self) -> usize {
         self.features.len()
     }
@@ -98,8 +98,7 @@ pub fn orders(n: usize, times: usize) -> impl Iterator<Item = Vec<usize>> {
     (0..times).map(move |_| distinct(n, n, &mut rng))
 }
 
-/// Which of `n` things stands in the place of each, where `share` of them, drawn at random, take one
-/// another's.
+/// A permutation of `n` items in which a random `share` of them is swapped.
 pub fn swapped(n: usize, share: f64, rng: &mut ChaCha8Rng) -> Vec<usize> {
     let drawn = distinct(n, (share * n as f64).round() as usize, rng);
     let mut of: Vec<usize> = (0..n).collect();
@@ -111,7 +110,7 @@ pub fn swapped(n: usize, share: f64, rng: &mut ChaCha8Rng) -> Vec<usize> {
 
 // Scores of motions that were made.
 
-/// What one set of motions scores.
+/// The scores of one set of motions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OneScore {
     pub fid: f64,
@@ -122,7 +121,7 @@ pub struct OneScore {
 }
 
 impl OneScore {
-    /// Motions with their captions, beside true motions; pools and pairs are drawn by `rng`.
+    /// Scores motions with captions against true motions; pools and pairs are drawn by `rng`.
     ///
     /// # Errors
     /// There are too few of either.
@@ -145,10 +144,10 @@ impl OneScore {
 }
 
 impl MotionScores {
-    /// Those of one set or more.
+    /// Combines one set or more.
     ///
     /// # Errors
-    /// There is none.
+    /// There is no set.
     pub fn of(scores: &[OneScore]) -> Result<Self, EvaluatorError> {
         let repeated =
             |of: fn(&OneScore) -> f64| Repeated::of(&scores.iter().map(of).collect::<Vec<f64>>());

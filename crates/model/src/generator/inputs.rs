@@ -1,4 +1,4 @@
-//! [`Inputs`]: what every kind of generator reads; whether it suits a run; and why a run ends without a result.
+//! [`Inputs`]: the input of every kind of generator, its check against a run, and the errors of a run.
 
 use burn::tensor::{Device, FloatDType};
 
@@ -10,21 +10,20 @@ use crate::learn::{Cause, LearnError, TrainingError};
 use crate::spec::{Precision, RunSpec};
 use crate::text::TextStore;
 
-/// What a run reads, mapped and shared with the runs beside it.
+/// The input of a run, mapped and shared with parallel runs.
 #[derive(Clone, Copy)]
 pub struct Inputs<'a> {
     pub tokens: &'a TokenStore,
     pub text: &'a TextStore,
-    /// What turns codes into the inputs of scales, where the generator asks for it.
+    /// Converts codes to the inputs of scales, if the generator needs it.
     pub scales: Option<&'a dyn ScaleInputs>,
 }
 
 /// A tokenizer, for generators that make codes scale after scale.
 pub trait ScaleInputs {
-    /// What such a generator is shown before each scale but the first, `[b, s, c]` row-major: the sum of
-    /// what the scales before it add to the latents, at its own length. The codes are those of
-    /// `n_clips` clips of `n_frames` frames, clip after clip, scale after scale; they may end after any
-    /// scale, and give as many inputs as they have scales, as far as there are such.
+    /// The inputs of all scales but the first, `[b, s, c]` row-major: the sum of the contributions of earlier scales to the
+    /// latents, resized to the scale. The codes are of `n_clips` clips of `n_frames` frames, clip by clip, scale by scale.
+    /// A prefix of the scales is allowed; returns one input per given scale, except after the last.
     fn inputs(&self, codes: &[u32], n_clips: usize, n_frames: usize) -> Vec<Vec<f32>>;
 
     /// Latents of a clip of so many frames.
@@ -64,13 +63,13 @@ pub enum GeneratorError {
          leave guidance at 0, or train with model.text_drop above 0"
     )]
     Guidance,
-    /// An edit by a model that sees nothing of what comes later.
+    /// An edit by a model that cannot see later codes.
     #[error(
         "an autoregressive generator sees no code that comes later, so it cannot fill a part of a \
          motion: edit with a scalewise or a masked one"
     )]
     Edit,
-    /// Weights that are not those of the run.
+    /// Weights that do not fit the run.
     #[error(transparent)]
     Weights(#[from] WeightsError),
     /// The device does not compute in the run's precision.
@@ -89,7 +88,7 @@ impl TrainingError for GeneratorError {
     }
 }
 
-/// What to try in place of a precision.
+/// The alternative to a precision.
 fn others(precision: &str) -> &'static str {
     if precision == "f16" { "bf16 or f32" } else { "f16 or f32" }
 }

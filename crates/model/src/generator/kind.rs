@@ -1,4 +1,4 @@
-//! [`Kind`]: what a kind of generator says of itself, and a run of any kind as a learner.
+//! [`Kind`]: the trait of generators, and a run of any kind as a learner.
 
 use std::f64::consts::PI;
 
@@ -21,7 +21,7 @@ use crate::progress::{LogLine, Progress};
 use crate::spec::flops::TRAINING_PER_FORWARD;
 use crate::spec::{Precision, RunSpec};
 
-/// What is trained, on what, and where its state lies.
+/// The specification of a training, its input, and the path of its state.
 #[derive(Clone, Copy)]
 pub struct Training<'a> {
     pub spec: &'a RunSpec,
@@ -35,7 +35,7 @@ pub trait Network {
     /// Its parameters.
     type Weights: Module + Clone;
 
-    /// What a step shows it.
+    /// The input of a step.
     type Batch;
 
     /// The model of a run with drawn parameters; on an autodiff device it can be trained.
@@ -51,7 +51,7 @@ pub trait Network {
     fn loss(&self, batch: &Self::Batch) -> Tensor<1>;
 }
 
-/// What a kind of generator shows its model in training, and how it measures it.
+/// The training inputs and the evaluation of a kind of generator.
 pub trait Objective<'a> {
     /// The model.
     type Network: Network;
@@ -66,7 +66,7 @@ pub trait Objective<'a> {
     /// The loss of a model as it is on a split.
     fn split_loss(&self, network: &Self::Network, split: Split) -> SplitLoss;
 
-    /// The loss of a model that knows nothing but which codes there are, in nats.
+    /// The loss of a uniform guess, in nats.
     fn uniform_nats(&self) -> f64;
 }
 
@@ -77,7 +77,7 @@ pub trait Kind: Sync + 'static {
     /// The model.
     type Network: Network;
 
-    /// What its runs make small.
+    /// Its training objective.
     type Objective<'a>: Objective<'a, Network = Self::Network>;
 
     /// Whether it asks for [`Inputs::scales`].
@@ -102,12 +102,12 @@ pub struct Trained {
     pub wall_s: f64,
 }
 
-// [`RunLearner`]: a run of any kind of generator as a learner; [`Objective`] is what kinds differ in.
+// [`RunLearner`]: a run of any kind of generator as a learner; kinds differ in their [`Objective`].
 
 /// The stream of a seed from which weights are drawn; epochs take theirs far above.
 const WEIGHTS_STREAM: u64 = 0;
 
-/// What a step hides or corrupts takes its ChaCha stream from here on, one stream a step.
+/// First ChaCha stream for hiding and corruption, one stream per step.
 const FIRST_STEP_STREAM: u64 = 1 << 33;
 
 /// A training loss this many nats above the uniform model's ends the run.
@@ -118,18 +118,18 @@ pub fn weights_rng(spec: &RunSpec) -> ChaCha8Rng {
     stream(spec.seed, WEIGHTS_STREAM)
 }
 
-/// The numbers from which a step draws what it hides or corrupts.
+/// The random numbers of a step for hiding and corruption.
 pub fn step_rng(spec: &RunSpec, step: usize) -> ChaCha8Rng {
     stream(spec.seed, FIRST_STEP_STREAM + step as u64)
 }
 
-/// What to do about a loss that is no number.
+/// Advice for a loss that is not a number.
 const ADVICE: &str = "lower train.lr";
 
 /// A finished run, measured on the test split.
 ///
 /// # Errors
-/// Its last update spoilt it.
+/// Its last update diverged.
 pub fn trained<'a, O: Objective<'a>>(
     learning: &Learning<RunLearner<'a, O>>,
 ) -> Result<Trained, GeneratorError> {
@@ -183,9 +183,9 @@ pub struct RunLearner<'a, O: Objective<'a>> {
     totals: Totals,
 }
 
-/// Where a run stands, beside its weights and moments.
+/// The state of a run, besides weights and moments.
 ///
-/// The data position is the step: what a step supervises is a pure function of it.
+/// The data position is the step: the targets are a pure function of it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Totals {
     /// Sum of the losses since the last log line, and their number.
@@ -243,7 +243,7 @@ impl<'a, O: Objective<'a>> Learner for RunLearner<'a, O> {
         ADVICE
     }
 
-    /// Counts; where it is due, measures the model on the validation split.
+    /// Counts a step; if an evaluation is due, measures the model on the validation split.
     fn after(&mut self, step: usize, loss: f64) -> Result<(), LearnError> {
         self.totals.loss_sum += loss;
         self.totals.loss_count += 1;
@@ -291,7 +291,7 @@ pub fn learning_rate(spec: &RunSpec, step: usize) -> f64 {
     spec.lr * (spec.final_share + (1.0 - spec.final_share) * height)
 }
 
-/// How much of `from..to` is over at the beginning of a step; 0 before.
+/// The fraction of `from..to` passed at the beginning of a step; 0 before.
 fn share(from: usize, step: usize, to: usize) -> f64 {
     step.saturating_sub(from) as f64 / (to - from).max(1) as f64
 }

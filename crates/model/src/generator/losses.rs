@@ -42,7 +42,7 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// Of some codes, by −ln p of each and by ln p_uni of each.
+    /// The loss of some codes, from −ln p and ln p_uni of each.
     pub fn of(nats: impl IntoIterator<Item = f64>, unigram: impl IntoIterator<Item = f64>) -> Self {
         let mut sums = Self { nats: nats.into_iter().sum(), ..Self::default() };
         for ln_p in unigram {
@@ -57,7 +57,7 @@ impl Sums {
         (self.nats - self.unigram_nats) / self.targets as f64
     }
 
-    /// Of all codes together.
+    /// Over all codes.
     pub fn all<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
         parts.into_iter().fold(Self::default(), |all, own| all + *own)
     }
@@ -80,24 +80,23 @@ impl Add for Sums {
 pub struct SplitLoss {
     /// Mean −ln p over targets, end tokens included where clips have them.
     pub loss_nats: f64,
-    /// L_u: mean of −ln p + ln p_uni over the same targets (ScaMo §4.4); p_uni is that of the target's
-    /// own scale.
+    /// L_u: mean of −ln p + ln p_uni over the same targets (ScaMo §4.4); p_uni is for the target's own scale.
     ///
-    /// From log-probabilities throughout: a ratio of probabilities would underflow first.
+    /// Computed from log-probabilities: a ratio of probabilities would underflow.
     pub loss_normalised: f64,
     /// Cross-entropy per frame of motion.
     pub nats_per_frame: f64,
-    /// L_u of the codes of each scale; empty where there is one.
+    /// L_u of the codes of each scale; empty if there is one.
     pub normalised_by_scale: Vec<f64>,
     pub targets: usize,
-    /// Of each clip by itself, in the split's order.
+    /// Per clip, in the split's order.
     pub clips: Vec<Sums>,
 }
 
-/// Sums over a split while it is measured: of each scale, pass after pass, and of each clip.
+/// Running sums over a split: per scale, pass by pass, and per clip.
 ///
-/// Both are of the same codes. That of a scale is taken in the order of the passes, so that a loss has the
-/// same bits whether clips are told apart or not.
+/// Both cover the same codes. The sum of a scale is in the order of the passes, so a loss has the same bits with or
+/// without sums per clip.
 pub struct SplitSums<'a> {
     pub tokens: &'a TokenStore,
     pub split: Split,
@@ -120,7 +119,7 @@ impl<'a> SplitSums<'a> {
         }
     }
 
-    /// The same for all scales of the codes, each with codes of its own.
+    /// The same for all scales, each with its own codes.
     pub fn by_scale(tokens: &'a TokenStore, split: Split) -> Self {
         let scales = 0..tokens.grid().scales.len();
         Self::new(tokens, split, scales.map(|scale| tokens.unigram_log_probs(scale)).collect())
@@ -193,13 +192,13 @@ impl<'a> SplitSums<'a> {
     }
 }
 
-// [`losses_by_block`]: the loss on parts of a split that have no recording in common.
+// [`losses_by_block`]: the loss on parts of a split without common recordings.
 //
-// How far a loss hangs on which clips were held out is told by parts of them: with B parts of about
-// equal size the mean over the parts has the variance of the parts' losses over B (random groups;
-// Wolter 2007, "Introduction to Variance Estimation"). Clips that were recorded together stay in one part.
+// Parts of the split show how a loss depends on the held-out clips: with B parts of about equal size, the mean over the
+// parts has the variance of the parts' losses divided by B (random groups; Wolter 2007, "Introduction to Variance
+// Estimation"). Clips recorded together stay in one part.
 
-/// Parts of a split. Twenty tell a deviation to within a sixth.
+/// Parts of a split. Twenty estimate a standard deviation to within a sixth.
 const MOST_BLOCKS: usize = 20;
 
 /// Seeds which groups go together: the same for all runs of a data set.
@@ -207,8 +206,8 @@ const SEED: u64 = 0;
 
 /// L_u of each block of a split, by the sums of each clip, and the group and the frames of each.
 ///
-/// Groups are dealt in an order of chance, each to the block of the fewest frames; so blocks are the same
-/// whatever made the codes. There are 20, or fewer where there are fewer groups.
+/// Groups are assigned in random order, each to the block with the fewest frames; so blocks do not depend on the codes.
+/// There are 20, or fewer if there are fewer groups.
 pub fn losses_by_block(clips: &[Sums], groups: &[u32], frames: &[usize]) -> Vec<f64> {
     let mut of_groups: BTreeMap<u32, (usize, Vec<usize>)> = BTreeMap::new();
     for (clip, group) in groups.iter().enumerate() {

@@ -1,6 +1,6 @@
-//! Generators: models of codes given text. A folder a kind, each with a [`Kind`] and so a [`Generator`].
+//! Generators: models of codes given text. One folder per kind, each with a [`Kind`] and so a [`Generator`].
 //!
-//! [`of`] is the one place that tells kinds apart.
+//! Only [`of`] matches on the kind.
 //!
 //! The root of the program's crate, `isoflop`, has an example: from a sweep to a trained run in one process.
 
@@ -63,7 +63,7 @@ pub fn train_trunk(
     of(training.spec).train_trunk(training, state, progress)
 }
 
-/// What can be asked of a kind of generator.
+/// The interface of a kind of generator.
 pub trait Generator: Sync {
     /// Trains a run to its end and measures it on the test split.
     ///

@@ -31,7 +31,7 @@ pub const MOST_TOKENS: usize = 1024;
 pub const WORDS: usize = 12;
 const CODES: usize = 36;
 
-/// A text and codes of an average clip's length, as far as they fit the context.
+/// A text and codes of an average clip's length, cut to the context.
 pub fn made_up_clip(shape: &ModelShape, n_vocab: usize) -> (Vec<f32>, Vec<u32>) {
     let text = vec![0.5f32; shape.d_text * WORDS.min(shape.n_ctx / 2)];
     let codes = (0..CODES.min(shape.n_ctx / 2)).map(|i| (i * 7 % n_vocab) as u32);
@@ -58,9 +58,8 @@ pub fn probed<K: Kind>(spec: &RunSpec, device: &Device) -> impl Probe + use<K> {
 
 /// A run, or one of its kind with fewer layers, then codes, then heads.
 ///
-/// Nothing above the limit is built, so that a plan of billions of parameters can be priced on a
-/// machine that could not hold them. Products of such widths run at one rate; what a smaller
-/// vocabulary leaves out is of that kind too.
+/// Nothing above the limit is built, so a plan of billions of parameters can be priced on a machine without memory for
+/// them. Products of such widths run at one rate, also those that a smaller vocabulary leaves out.
 fn measurable(spec: &RunSpec) -> RunSpec {
     let mut small = spec.clone();
     let is_large = |run: &RunSpec| run.generator.params(&run.codes).total() > MOST_PROBED_PARAMS;

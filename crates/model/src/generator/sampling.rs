@@ -1,4 +1,4 @@
-//! What is common to the sampling of every kind of generator: prompts, drawing, and what comes out.
+//! Sampling shared by all kinds of generators: prompts, draws, and results.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::{GeneratorError, ScaleInputs};
 use crate::draws::{stream, unit};
 
-/// What a motion is made from.
+/// The input of a motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Prompt<'a> {
     /// Frozen text vectors, `[n_text, d_text]` row-major, at least one row.
@@ -19,7 +19,7 @@ pub struct Prompt<'a> {
     pub seed: u64,
     /// Tells motions of one seed apart: each draws from its own stream of random numbers.
     pub index: u64,
-    /// A clip of the length asked for that is made anew in part; `None` makes all of the motion.
+    /// A clip of the requested length to edit; `None` generates the whole motion.
     pub edit: Option<Edit<'a>>,
 }
 
@@ -51,10 +51,10 @@ pub fn check_length(
 pub struct Making<'a> {
     pub text: &'a [f32],
     pub rng: ChaCha8Rng,
-    /// Its codes so far, scale after scale.
+    /// Its codes so far, scale by scale.
     pub codes: Vec<u32>,
     pub n_frames: usize,
-    /// What stays of it, where a part is made anew.
+    /// The kept part, if it is edited.
     edit: Option<Edit<'a>>,
 }
 
@@ -65,7 +65,7 @@ impl<'a> Making<'a> {
         Self { text, rng: prompt.rng(), codes: Vec::new(), n_frames, edit }
     }
 
-    /// Of each of `n` codes of a scale that stands behind `before` codes, the code where it stays.
+    /// For each of the `n` codes of a scale after `before` codes, the code if it is kept.
     pub fn kept(&self, before: usize, n: usize) -> Vec<Option<u32>> {
         self.edit.map_or_else(|| vec![None; n], |edit| edit.kept(before, n))
     }
@@ -80,8 +80,8 @@ impl<'a> Making<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sampling {
     pub draw: Draw,
-    /// How far logits move away from those without text (classifier-free guidance, Ho and Salimans
-    /// 2022): (1 + s) conditional − s unconditional. 0 for none.
+    /// Strength of classifier-free guidance (Ho and Salimans 2022): (1 + s) conditional − s unconditional. 0 for
+    /// none.
     pub guidance: f64,
     /// Rounds in which a masked model shows its codes.
     pub rounds: usize,
@@ -109,7 +109,7 @@ impl Sampling {
 pub struct Sampled {
     /// As a tokenizer gives them: scale after scale.
     pub codes: Vec<u32>,
-    /// Frames that they stand for.
+    /// Frames that they cover.
     pub n_frames: usize,
     /// Whether the model ended the motion, or had a length to meet; if not, its context was full.
     pub ended: bool,
@@ -127,12 +127,12 @@ pub trait Sampler {
         true
     }
 
-    /// Makes a motion of each prompt, all at once; `scales` is what the generator's
-    /// [`Inputs::scales`](super::Inputs::scales) was.
+    /// Makes a motion for each prompt, all at once; `scales` is the generator's
+    /// [`Inputs::scales`](super::Inputs::scales).
     ///
     /// # Errors
-    /// [`GeneratorError::Length`]: a length that the model has no room for;
-    /// [`GeneratorError::Guidance`]: it has never seen a motion without its text.
+    /// [`GeneratorError::Length`]: the length does not fit the model;
+    /// [`GeneratorError::Guidance`]: it was never trained without text.
     fn sample(
         &self,
         prompts: &[Prompt],
@@ -141,26 +141,26 @@ pub trait Sampler {
     ) -> Result<Vec<Sampled>, GeneratorError>;
 }
 
-/// A clip of which a part is made anew and the rest stays (MoSa and LG-Tok; MoMask).
+/// A clip to edit: a part is generated again, the rest is kept (MoSa and LG-Tok; MoMask).
 ///
-/// The codes of each scale that lie in the part are drawn, given all those that stay.
+/// The codes of each scale in the part are drawn, given all kept ones.
 #[derive(Clone, Copy, Debug)]
 pub struct Edit<'a> {
     /// The clip's codes, scale after scale.
     pub codes: &'a [u32],
-    /// Of each of its latents, whether it is made anew.
+    /// For each latent, whether it is generated again.
     pub anew: &'a [bool],
 }
 
 impl Edit<'_> {
-    /// Of each of `n` codes of a scale that stands behind `before` codes, the code where it stays.
+    /// For each of the `n` codes of a scale after `before` codes, the code if it is kept.
     pub fn kept(&self, before: usize, n: usize) -> Vec<Option<u32>> {
         let codes = &self.codes[before..before + n];
         self.places(n).into_iter().zip(codes).map(|(anew, &code)| (!anew).then_some(code)).collect()
     }
 
-    /// Of each of `n` codes that span the clip, whether it is made anew: the mask is resized linearly,
-    /// corners not aligned, and what is above one half is made anew (MoSa).
+    /// For each of `n` codes that span the clip, whether it is generated again: the mask is resized linearly, corners not
+    /// aligned, and thresholded at one half (MoSa).
     fn places(&self, n: usize) -> Vec<bool> {
         let (len, last) = (self.anew.len(), self.anew.len() - 1);
         let at = |place: usize| {
@@ -218,7 +218,7 @@ impl Draw {
         rest[rest.len() - 1].0
     }
 
-    /// A code of those that have logits, each of which may follow.
+    /// Draws a code from logits of the allowed codes.
     pub fn any_code(&self, logits: &[f32], rng: &mut ChaCha8Rng) -> u32 {
         self.code(logits, std::slice::from_ref(&(0..logits.len())), rng) as u32
     }

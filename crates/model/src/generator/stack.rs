@@ -52,7 +52,7 @@ impl Block {
         }
     }
 
-    /// Those of its attention.
+    /// The parameters of its attention.
     pub fn attention(&self) -> AttentionWeights {
         AttentionWeights {
             gamma_d: self.norm_attention.val(),
@@ -61,7 +61,7 @@ impl Block {
         }
     }
 
-    /// Those of its feed-forward half.
+    /// The parameters of its feed-forward half.
     pub fn feed_forward(&self) -> FeedForwardWeights {
         FeedForwardWeights {
             gamma_d: self.norm_ffn.val(),
@@ -78,7 +78,7 @@ impl Block {
 /// RMSNorm's ε, as in LLaMA.
 pub const EPSILON: f32 = 1e-5;
 
-/// What the forward pass of a model needs beside its parameters.
+/// The non-trained inputs of a model's forward pass.
 #[derive(Clone, Debug)]
 pub struct Backbone {
     pub shape: ModelShape,
@@ -103,7 +103,7 @@ impl Backbone {
         Self { kernels, device: self.device.clone().inner(), ..self.clone() }
     }
 
-    /// What blocks make of rows of packed sequences, `[n, d]`.
+    /// The output of blocks for rows of packed sequences, `[n, d]`.
     pub fn forward(
         &self,
         blocks: &[Block],
@@ -165,7 +165,7 @@ pub fn kernels_of(precision: Precision, device: &Device) -> Kernels {
 pub struct Supervised {
     /// Rows that predict them.
     pub rows: Arc<[u32]>,
-    /// What they should predict, below the codebook's V.
+    /// Their targets, below the codebook's V.
     pub codes: Arc<[u32]>,
 }
 
@@ -180,8 +180,8 @@ pub fn n_supervised(targets: &[Supervised]) -> usize {
     targets.iter().map(|own| own.codes.len()).sum()
 }
 
-/// Mean cross-entropy over all supervised codes, in nats, `[1]`, of what the blocks made of all rows,
-/// `[n, d]`; each of the targets has its own head.
+/// Mean cross-entropy over all supervised codes, in nats, `[1]`, from the output of the blocks for all rows, `[n, d]`;
+/// each of the targets has its own head.
 pub fn heads_loss(
     kernels: Kernels,
     x_nd: &Tensor<2>,
@@ -215,14 +215,14 @@ pub fn heads_nll(
     nll.collect()
 }
 
-// [`Growing`]: sequences that grow, each pass over the new positions alone.
+// [`Growing`]: sequences that grow; each pass computes only new positions.
 //
-// Text prefixes stand side by side, padded at their ends; no position sees the padding. So what comes
-// out is what a whole pass over `[text | motion]` gives.
+// Text prefixes are padded at their ends; no position sees the padding. So the result equals a whole pass over
+// `[text | motion]`.
 //
 // Shapes: b sequences, p positions of the longest text, m positions that join each, d width.
 
-/// Sequences of text and what came after it.
+/// Sequences of text and later positions.
 pub struct Growing<'a> {
     backbone: &'a Backbone,
     blocks: &'a [Block],
@@ -251,15 +251,14 @@ impl<'a> Growing<'a> {
         &self.prefixes
     }
 
-    /// What the blocks make of the texts, padded to p positions each, `[b·p, d]`; their angles by their
-    /// places among those of the rope, `[b·p]`.
+    /// The output of the blocks for the texts, padded to p positions each, `[b·p, d]`; with their angles as indices into
+    /// the rope, `[b·p]`.
     pub fn text(&mut self, x_nd: Tensor<2>, angles: &[usize]) -> Tensor<2> {
         self.pass(x_nd, self.joining(angles))
     }
 
-    /// What the blocks make of m positions that join each sequence, `[b·m, d]`, given their angles,
-    /// `[b·m]`; each sees all before it and those that join beside it, but no text where it is `blind`,
-    /// `[b·m]` or empty.
+    /// The output of the blocks for m new positions of each sequence, `[b·m, d]`, given their angles, `[b·m]`; each sees
+    /// all earlier and all new positions, but no text if it is `blind`, `[b·m]` or empty.
     pub fn join(&mut self, x_nd: Tensor<2>, angles: &[usize], blind: &[bool]) -> Tensor<2> {
         self.joined += angles.len() / self.prefixes.len();
         let joining = self.joining(angles);
@@ -296,8 +295,8 @@ pub fn padded(rows: &[&[f32]], width: usize) -> Vec<f32> {
     values
 }
 
-/// Where the rows of packed sequences come from, by how many rows of each sort each sequence has, in their
-/// order: the rows of one sort of all sequences follow those of the sort before it. And their lengths.
+/// The sources of the rows of packed sequences, given the number of rows of each sort per sequence: rows are stored sort
+/// by sort over all sequences. Also their lengths.
 pub fn packed<const N: usize>(sizes: &[[usize; N]]) -> (Arc<[u32]>, Vec<usize>) {
     let mut next = [0; N];
     for sort in 1..N {

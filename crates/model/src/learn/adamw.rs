@@ -9,7 +9,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use crate::learn::weights::{HostTensor, Source, Sources, Weights};
 use crate::ops::{self, AdamWStep};
 
-/// What AdamW is told once.
+/// The settings of AdamW.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AdamWConfig {
     pub beta_1: f64,
@@ -69,7 +69,7 @@ impl AdamW {
         named.map(|(name, tensor)| (name, Source::of(tensor.clone()))).collect()
     }
 
-    /// Takes up the state that [`AdamW::state`] gave after so many steps; `None` where it is not such a state.
+    /// Takes up the state that [`AdamW::state`] gave after so many steps; `None` if it is not such a state.
     pub fn with_state(mut self, steps: i32, state: Weights, device: &Device) -> Option<Self> {
         let tensor = |HostTensor { values, .. }| {
             let n = values.len();

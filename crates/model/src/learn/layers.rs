@@ -1,6 +1,5 @@
-//! One-dimensional convolutions on channels-last activations, each as products of what its taps
-//! read by one weight: faster on the CPU than burn's `conv1d`, and each output has the same bits
-//! whatever the batch around it.
+//! One-dimensional convolutions on channels-last activations, as products of the taps' inputs with one weight: faster on
+//! the CPU than burn's `conv1d`, and the bits of each output do not depend on the batch.
 //!
 //! Shapes: b clips, t frames, c channels, k taps, n = b·t rows.
 
@@ -38,7 +37,7 @@ impl Affine {
         }
     }
 
-    /// The same, which never learns.
+    /// The same, without training.
     pub fn fixed(self) -> Self {
         let Self { weight, bias } = self;
         Self { weight: weight.set_require_grad(false), bias: bias.set_require_grad(false) }
@@ -62,7 +61,7 @@ impl Affine {
         self.bias.dims()[0]
     }
 
-    /// Where the weights are.
+    /// The device of the weights.
     pub fn device(&self) -> Device {
         self.weight.device()
     }
@@ -117,7 +116,7 @@ impl Conv1d {
         Self::new(Taps::Doubling, channels, rng, device)
     }
 
-    /// The same of max(x, 0).
+    /// The same for max(x, 0).
     pub fn rectified(self) -> Self {
         Self { rectify: true, ..self }
     }

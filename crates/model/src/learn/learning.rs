@@ -18,15 +18,15 @@ use super::{Course, LearnError, Learner, LearnerState, LoadedState};
 use crate::files::FileError;
 use crate::progress::{Progress, Step};
 
-/// Where the state of something that learns lies.
+/// The paths of a learner's state.
 #[derive(Clone, Copy, Debug)]
 pub struct Checkpoints<'a> {
-    /// Written now and then; where it is there, learning goes on from it. The caller removes it,
-    /// after the result is whole.
+    /// Written periodically; if it exists, learning resumes from it. The caller removes it after the result is
+    /// complete.
     pub path: &'a Path,
     /// Never changes the result.
     pub every: Duration,
-    /// What learning begins with that has no checkpoint yet.
+    /// The start without a checkpoint.
     pub branch: Option<Branch<'a>>,
 }
 
@@ -78,7 +78,7 @@ impl<L: Learner> Learning<L> {
         Ok(learning)
     }
 
-    /// The same from its checkpoint, or else from its trunk.
+    /// The same from its checkpoint, else from its trunk.
     fn resumed(self, checkpoints: &Checkpoints) -> Result<Self, FileError> {
         match (checkpoints.path, checkpoints.branch) {
             (own, _) if own.exists() => self.load(own),
@@ -87,10 +87,10 @@ impl<L: Learner> Learning<L> {
         }
     }
 
-    /// Takes up a checkpoint.
+    /// Loads a checkpoint.
     ///
     /// # Errors
-    /// [`FileError::Read`]; [`FileError::Damaged`] also where it belongs to something else.
+    /// [`FileError::Read`]; [`FileError::Damaged`] also if it belongs to another learner.
     fn load(mut self, path: &Path) -> Result<Self, FileError> {
         let damaged = |reason: &str| FileError::damaged(path, reason);
         let (mut tensors, notes) = weights::load(path)?;
@@ -184,7 +184,7 @@ impl<L: Learner> Learning<L> {
         }
     }
 
-    /// Writes all that learning needs to go on from here, whole, by rename, in place of what was there.
+    /// Writes the full state of learning atomically, replacing an older one.
     ///
     /// # Errors
     /// [`FileError::Write`].
@@ -198,7 +198,7 @@ impl<L: Learner> Learning<L> {
         weights::save(path, &tensors, HashMap::from([(HEADER.to_string(), header)]))
     }
 
-    /// Seconds spent, those of earlier processes included.
+    /// Seconds spent, including earlier processes.
     pub fn wall_s(&self) -> f64 {
         self.spent_s + self.started.elapsed().as_secs_f64()
     }
@@ -216,7 +216,7 @@ impl<L: Learner> Learning<L> {
 
 // A checkpoint as a file.
 
-/// What is no tensor.
+/// The part without tensors.
 #[derive(Serialize, Deserialize)]
 struct Header {
     /// Steps done.
@@ -245,7 +245,7 @@ fn take(tensors: &mut Weights, prefix: &str) -> Weights {
     wanted.into_iter().map(|(name, tensor)| (name[prefix.len()..].to_string(), tensor)).collect()
 }
 
-/// The step of a checkpoint, from the head of its file alone; `None` where that cannot be told.
+/// The step of a checkpoint, from the head of its file; `None` if unknown.
 pub fn step_of(path: &Path) -> Option<usize> {
     let mut file = File::open(path).ok()?;
     let mut length = [0; 8];

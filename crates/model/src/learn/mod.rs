@@ -1,7 +1,7 @@
-//! One learning loop for whatever learns: optimiser, weights, checkpoints, divergence, resume.
+//! The training loop: optimiser, weights, checkpoints, divergence, resume.
 //!
-//! A [`Learner`] gives the loss of a step and keeps what its steps need; [`Learning`] does the rest.
-//! The same learner gives the same bits each time, straight or resumed.
+//! A [`Learner`] computes the loss of a step and keeps its own state; [`Learning`] does the rest. The same learner gives
+//! the same bits each time, straight or resumed.
 //!
 //! # Example
 //!
@@ -57,6 +57,7 @@
 //! ```
 
 pub mod adamw;
+pub mod described;
 pub mod layers;
 mod learning;
 pub mod params;
@@ -81,7 +82,7 @@ pub trait Learner {
     /// The parameters as they are.
     fn weights(&self) -> &Self::Weights;
 
-    /// Takes over parameters: those after a step, or those of a checkpoint.
+    /// Sets parameters: after a step, or from a checkpoint.
     fn set_weights(&mut self, weights: Self::Weights);
 
     /// The mean loss of a step's batch, `[1]`; steps count from 0.
@@ -90,8 +91,8 @@ pub trait Learner {
     /// The learning rate of a step.
     fn learning_rate(&self, step: usize) -> f64;
 
-    /// What the loss is multiplied by before its gradients are taken, so that none is lost in half
-    /// precision; a power of two.
+    /// The factor of the loss before gradients are taken, so that none underflows in half precision; a power of
+    /// two.
     fn loss_scale(&self) -> f64 {
         1.0
     }
@@ -101,13 +102,13 @@ pub trait Learner {
         None
     }
 
-    /// What to do where the loss is not a number any more.
+    /// Advice if the loss is not a number.
     fn advice(&self) -> &'static str;
 
-    /// Is told that a step is done, and of its loss before the update. `step` counts from 1.
+    /// Called after each step with the loss before the update. `step` counts from 1.
     ///
     /// # Errors
-    /// A measure that is taken now shows that learning has diverged.
+    /// An evaluation shows that learning has diverged.
     fn after(&mut self, _step: usize, _loss: f64) -> Result<(), LearnError> {
         Ok(())
     }
@@ -117,38 +118,38 @@ pub trait Learner {
         false
     }
 
-    /// What it needs to go on from here beside its weights and their moments.
+    /// Its state, besides weights and moments.
     fn keep(&self) -> LearnerState {
         LearnerState::default()
     }
 
-    /// Takes up what [`Learner::keep`] gave; `None` where it is not that.
+    /// Restores the state of [`Learner::keep`]; `None` if it does not fit.
     fn resume(&mut self, _: LoadedState) -> Option<()> {
         Some(())
     }
 }
 
-/// How long something learns, and how.
+/// Number of steps and optimiser.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Course {
     pub steps: usize,
     pub optimiser: AdamWConfig,
 }
 
-/// Whether what is done `times` times, spread evenly over `steps`, is due after a step, counted from 1.
+/// Whether an action, done `times` times evenly over `steps`, is due after a step, counted from 1.
 pub fn is_due(step: usize, steps: usize, times: usize) -> bool {
     let due = |step: usize| step * times / steps;
     due(step) != due(step - 1)
 }
 
-/// What a learner keeps of itself beside its weights and their moments.
+/// A learner's state, besides weights and moments.
 #[derive(Debug, Default)]
 pub struct LearnerState {
     pub note: Value,
     pub tensors: Sources,
 }
 
-/// What [`LearnerState`] was, read again.
+/// A [`LearnerState`] read from a file.
 #[derive(Debug, Default)]
 pub struct LoadedState {
     pub note: Value,
@@ -161,7 +162,7 @@ pub enum LearnError {
     /// The loss is not a number any more.
     #[error("the loss is {loss} at step {step} of {steps}: {advice}")]
     NonFinite { step: usize, steps: usize, loss: f64, advice: &'static str },
-    /// The loss is far above that of knowing nothing.
+    /// The loss is far above that of a uniform guess.
     #[error(
         "diverged: the loss is {loss:.2} at step {step} of {steps}, {ignorant:.2} would be knowing \
          nothing: {advice}"

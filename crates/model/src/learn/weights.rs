@@ -2,19 +2,19 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Tensor, TensorData};
-use memmap2::Mmap;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, View, serialize};
+use serde::Serialize;
+use serde_json::Value;
 
 use crate::data::FeatureStats;
 use crate::failure::FailureKind;
-use crate::files::FileError;
 use crate::files::atomic::write_whole;
+use crate::files::{ANY, FileError, read_regular};
 use crate::motion::N_FEATURES;
 
 /// A tensor on the host, row-major.
@@ -131,7 +131,7 @@ impl ModuleVisitor for Reader {
 
 struct Writer {
     path: Vec<String>,
-    /// Those that have not found their place yet.
+    /// Tensors not yet assigned.
     weights: Weights,
     mismatch: Option<WeightsError>,
 }
@@ -178,8 +178,18 @@ impl ModuleMapper for Writer {
 
 // Safetensors files of weights, with a digest of their numbers.
 
-/// The note that tells whether the numbers are those that were written.
+/// The metadata key of the digest.
 const DIGEST: &str = "digest";
+/// The same of all other notes.
+const NOTES_DIGEST: &str = "notes_digest";
+
+fn digest_of_notes(notes: &HashMap<String, String>) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for (name, note) in notes.iter().collect::<BTreeMap<_, _>>() {
+        hasher.update(name.as_bytes()).update(&[0]).update(note.as_bytes()).update(&[0]);
+    }
+    hasher.finalize().to_hex().to_string()
+}
 
 fn digest<'a>(tensors: impl Iterator<Item = (&'a String, Cow<'a, [f32]>)>) -> String {
     let mut hasher = blake3::Hasher::new();
@@ -199,7 +209,9 @@ pub fn save(
     mut notes: HashMap<String, String>,
 ) -> Result<(), FileError> {
     let values = || sources.iter().map(|(name, source)| (name, source.values()));
+    let of_notes = digest_of_notes(&notes);
     notes.insert(DIGEST.to_string(), digest(values()));
+    notes.insert(NOTES_DIGEST.to_string(), of_notes);
     let lengths = sources.iter().map(|(name, source)| (name, Length(source)));
     let head = serialize(lengths, Some(notes))
         .map_err(|error| FileError::write(path)(io::Error::other(error)))?;
@@ -209,8 +221,8 @@ pub fn save(
     })
 }
 
-/// A tensor of which the file's head tells, and whose numbers are written behind it: in the order of
-/// names, as safetensors has those of one type.
+/// A tensor in the file's head, with its numbers after it: in the order of names, as safetensors stores tensors of one
+/// type.
 struct Length<'a>(&'a Source);
 
 impl View for Length<'_> {
@@ -231,15 +243,12 @@ impl View for Length<'_> {
     }
 }
 
-/// Reads what [`save`] wrote.
+/// Reads a file of [`save`].
 ///
 /// # Errors
 /// [`FileError::Read`] and [`FileError::Damaged`].
 pub fn load(path: &Path) -> Result<(Weights, HashMap<String, String>), FileError> {
-    let file = File::open(path).map_err(FileError::read(path))?;
-    // SAFETY: such files are put in place by rename and never written again, so the mapped bytes do
-    // not change while they are read.
-    let bytes = unsafe { Mmap::map(&file) }.map_err(FileError::read(path))?;
+    let bytes = read_regular(path, ANY).map_err(FileError::read(path))?;
     read(&bytes).map_err(|reason| FileError::damaged(path, reason))
 }
 
@@ -254,6 +263,9 @@ fn read(bytes: &[u8]) -> Result<(Weights, HashMap<String, String>), String> {
     if notes.remove(DIGEST).is_some_and(|written| written != digest(numbers)) {
         return Err("its numbers are not those that were written".to_string());
     }
+    if notes.remove(NOTES_DIGEST).is_some_and(|written| written != digest_of_notes(&notes)) {
+        return Err("its notes are not those that were written".to_string());
+    }
     Ok((weights, notes))
 }
 
@@ -265,12 +277,12 @@ fn host_tensor(name: &str, view: &TensorView) -> Result<HostTensor, String> {
     Ok(HostTensor { shape: view.shape().to_vec(), values: values.collect() })
 }
 
-// Statistics of features, and numbers, beside the weights of a module that normalises by them.
+// Statistics of features, and numbers, stored with the weights of a module that normalises by them.
 
 const MEAN: &str = "stats.mean";
 const STD: &str = "stats.std";
 
-/// Puts statistics beside weights that are to be written.
+/// Adds statistics to weights before writing.
 pub fn insert_stats(tensors: &mut Sources, stats: &FeatureStats) {
     insert(tensors, MEAN, stats.mean.clone());
     insert(tensors, STD, stats.std.clone());
@@ -281,20 +293,48 @@ fn insert(tensors: &mut Sources, name: &str, values: Vec<f32>) {
     tensors.insert(name.to_string(), Source::Host(tensor));
 }
 
-/// Takes them out of weights that were read.
+/// Removes them from weights after reading.
 ///
 /// # Errors
-/// [`WeightsError::Mismatch`] where they are not there.
+/// [`WeightsError::Mismatch`] if they are missing, or features cannot be normalised by them.
 pub fn take_stats(tensors: &mut Weights) -> Result<FeatureStats, WeightsError> {
-    let mut vector = |name: &str| {
-        let missing = || WeightsError::Mismatch {
-            name: name.to_string(),
-            expected: vec![N_FEATURES],
-            found: "missing".to_string(),
-        };
-        tensors.remove(name).map(|tensor| tensor.values).ok_or_else(missing)
+    let mismatch = |name: &str, found: &str| WeightsError::Mismatch {
+        name: name.to_string(),
+        expected: vec![N_FEATURES],
+        found: found.to_string(),
     };
-    Ok(FeatureStats { mean: vector(MEAN)?, std: vector(STD)? })
+    let mut vector = |name: &str| {
+        let tensor = tensors.remove(name).ok_or_else(|| mismatch(name, "missing"))?;
+        let sound = !tensor.values.is_empty() && tensor.values.iter().all(|x| x.is_finite());
+        sound.then_some(tensor.values).ok_or_else(|| mismatch(name, "not of finite numbers"))
+    };
+    let (mean, std) = (vector(MEAN)?, vector(STD)?);
+    if mean.len() != std.len() || std.iter().any(|x| *x <= 0.0) {
+        return Err(mismatch(STD, "not a number above 0 for each mean"));
+    }
+    Ok(FeatureStats { mean, std })
+}
+
+/// Why a number is no rate of frames; `None` if it is one.
+pub fn no_rate(fps: f64) -> Option<String> {
+    let is_rate = fps.is_finite() && fps > 0.0;
+    (!is_rate).then(|| format!("{fps} frames a second are no rate"))
+}
+
+/// The first whole number of a description, with its key, that is larger than every dimension of the weights:
+/// a model of such a size has other weights, and may not fit into memory.
+pub fn beyond(description: &impl Serialize, tensors: &Weights) -> Option<String> {
+    let most = tensors.values().flat_map(|tensor| &tensor.shape).max().copied().unwrap_or(0);
+    let found = larger("", &serde_json::to_value(description).ok()?, most as u64);
+    found.map(|(key, n)| format!("its {key} of {n} is larger than any of its weights"))
+}
+
+fn larger(key: &str, value: &Value, most: u64) -> Option<(String, u64)> {
+    match value {
+        Value::Object(entries) => entries.iter().find_map(|(key, value)| larger(key, value, most)),
+        Value::Array(items) => items.iter().find_map(|item| larger(key, item, most)),
+        _ => value.as_u64().filter(|n| *n > most).map(|n| (key.to_string(), n)),
+    }
 }
 
 /// Puts a number among the tensors, in single precision.
@@ -303,7 +343,7 @@ pub fn insert_number(tensors: &mut Sources, name: &str, number: f64) {
 }
 
 /// Takes a number out of weights that were read, as short as single precision writes it: 29.97 is not
-/// 29.969999; `None` where it is not there.
+/// 29.969999; `None` if it is not there.
 pub fn take_number(tensors: &mut Weights, name: &str) -> Option<f64> {
     let number = *tensors.remove(name)?.values.first()?;
     number.to_string().parse().ok()
@@ -338,13 +378,17 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("w.safetensors");
         let tensor = HostTensor { shape: vec![2], values: vec![1.0, 2.0] };
-        save(&path, &Sources::from([("gain".into(), Source::Host(tensor))]), HashMap::new())
-            .unwrap();
-        let mut bytes = std::fs::read(&path).unwrap();
-        *bytes.last_mut().unwrap() ^= 1;
-        std::fs::write(&path, bytes).unwrap();
-        let error = load(&path).unwrap_err().to_string();
-        assert!(error.contains("(its numbers are not"), "{error}");
+        let notes = HashMap::from([("step".into(), "12".into())]);
+        save(&path, &Sources::from([("gain".into(), Source::Host(tensor))]), notes).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let note = bytes.windows(4).position(|four| four == b"\"12\"").unwrap() + 1;
+        for (place, what) in [(bytes.len() - 1, "numbers"), (note, "notes")] {
+            let mut flipped = bytes.clone();
+            flipped[place] ^= 1;
+            std::fs::write(&path, flipped).unwrap();
+            let error = load(&path).unwrap_err().to_string();
+            assert!(error.contains(&format!("(its {what} are not")), "{error}");
+        }
     }
 
     #[test]

@@ -33,7 +33,7 @@ pub enum NoDevice {
 }
 
 impl DeviceName {
-    /// Every device with its name as it is typed and what it is, the default first.
+    /// Every device with its name and description, the default first.
     pub const ALL: [(Self, &'static str, &'static str); 5] = [
         (Self::Flex, "flex", "burn-flex: this processor"),
         (Self::Ndarray, "ndarray", "burn-ndarray: this processor, slower; deprecated by burn"),
@@ -92,7 +92,7 @@ impl FromStr for DeviceName {
 
 // Whether a device multiplies: drivers are met that load every kernel and give zeros.
 
-/// What a device gave that cannot multiply.
+/// The wrong product of a device.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "the device multiplies matrices wrongly ({found} where {right} is right): its driver cannot be \

@@ -10,7 +10,7 @@ use super::{
     HeadWeights, plain,
 };
 
-/// Which implementation of the operations to use.
+/// The implementation of the operations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kernels {
     /// Hand-written kernels, on the device `flex` and in `f32` only. Single-threaded, and the
@@ -18,8 +18,8 @@ pub enum Kernels {
     Own,
     /// Burn's operations, on any device.
     Plain,
-    /// The same with the products of matrices in a half precision, on devices that compute in it;
-    /// what goes in and comes out is `f32`.
+    /// The same with products of matrices in a half precision, on devices that support it; inputs and outputs are
+    /// `f32`.
     Half(HalfFloat),
 }
 
@@ -31,7 +31,7 @@ pub enum HalfFloat {
 }
 
 impl HalfFloat {
-    /// The same type as burn calls it.
+    /// burn's name of the type.
     pub fn dtype(self) -> FloatDType {
         match self {
             HalfFloat::F16 => FloatDType::F16,
@@ -46,7 +46,7 @@ impl Kernels {
         if *device == Device::flex() { Kernels::Own } else { Kernels::Plain }
     }
 
-    /// What burn's products of matrices are computed by.
+    /// The implementation of burn's products of matrices.
     fn product(self) -> plain::Product {
         match self {
             Kernels::Half(half) => plain::Product::In(half.dtype()),
@@ -61,7 +61,7 @@ impl Kernels {
     /// In each head of each sequence, with q̂ and k̂ turned by [`Rope`](super::Rope),
     ///
     /// W = softmax(q̂ k̂ᵀ / √head_dim) over the positions that the
-    /// [`SequenceLayout`](super::SequenceLayout) lets each row see, a = W v;
+    /// [`SequenceLayout`](super::SequenceLayout) makes visible to each row, a = W v;
     /// ∂v = Wᵀ g, S = W ∘ (g vᵀ − rowsum(W ∘ g vᵀ)), ∂q̂ = S k̂ / √head_dim,
     /// ∂k̂ = Sᵀ q̂ / √head_dim, and ∂q, ∂k are turned back.
     ///
@@ -207,11 +207,10 @@ impl Kernels {
         }
     }
 
-    // The parts of a block by themselves, for blocks that are put together otherwise: what stands around
-    // them is the caller's, such as biases, other norms, or no residual.
+    // The parts of a block, for other blocks: the caller adds biases, norms or residuals.
 
-    /// Attention alone, of the columns `[q | k | v]` of [`Kernels::attention`]: a of its equations,
-    /// `[n, d]`. What stands around it is the caller's: other norms, biases, no residual.
+    /// Attention alone, of the columns `[q | k | v]` of [`Kernels::attention`]: a of its equations, `[n, d]`. The caller adds
+    /// norms, biases or residuals.
     ///
     /// # Panics
     ///
@@ -280,7 +279,7 @@ fn check_targets([n, n_vocab]: [usize; 2], targets: &[u32]) {
     assert!(largest < n_vocab, "cross_entropy: target {largest} in a vocabulary of {n_vocab}");
 }
 
-// What stands outside autodiff.
+// Operations outside autodiff.
 
 /// The nearest of codes `[v, c]` for each of latents `[n, c]`: argmin over codes of
 /// |code|² − 2 latent · code, the first of equals.

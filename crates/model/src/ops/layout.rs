@@ -1,4 +1,4 @@
-//! [`SequenceLayout`] and [`CrossLayout`]: where the sequences of a packed batch lie, and who may see whom.
+//! [`SequenceLayout`] and [`CrossLayout`]: the rows of the sequences of a packed batch, and their attention masks.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -27,20 +27,18 @@ pub enum LayoutError {
 /// first `prefix(i)` positions being text and the others motion.
 ///
 /// Position q of a sequence sees position k of the same sequence iff
-/// k <= q, or both lie in the prefix (ScaMo §3.2, `dataset_TM_train.py`), or both lie in one block
-/// of motion where it has blocks (the scales of a scale-causal mask). The positions that q sees are
-/// therefore always the first [`visible`](Self::visible) ones.
+/// k <= q, or both lie in the prefix (ScaMo §3.2, `dataset_TM_train.py`), or both lie in one block of motion, if there
+/// are blocks (the scales of a scale-causal mask). So q always sees the first [`visible`](Self::visible)
+/// positions.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SequenceLayout {
     /// First row of each sequence, then the number of rows: `[n_sequences + 1]`.
     offsets: Vec<usize>,
     /// Text positions of each sequence: `[n_sequences]`.
     prefixes: Vec<usize>,
-    /// Where the blocks of each sequence end, within it; empty where each position of motion is one:
-    /// `[n_sequences]`.
+    /// The ends of the blocks within each sequence; empty if each position of motion is one: `[n_sequences]`.
     blocks: Vec<Arc<[usize]>>,
-    /// The angle of each row, by its place among those of a [`Rope`](super::Rope); empty where it is
-    /// the position.
+    /// The angle of each row, as an index into a [`Rope`](super::Rope); empty if it is the position.
     angles: Vec<u32>,
 }
 
@@ -51,7 +49,7 @@ pub struct BlockSequence {
     pub prefix: usize,
     /// Positions of each block, at least one.
     pub blocks: Arc<[usize]>,
-    /// The angle of each position, text first, by its place among those of a [`Rope`](super::Rope).
+    /// The angle of each position, text first, as an index into a [`Rope`](super::Rope).
     pub angles: Vec<u32>,
 }
 
@@ -144,7 +142,7 @@ impl SequenceLayout {
         (0..self.n_sequences()).map(|i| self.len(i)).max().unwrap_or(0)
     }
 
-    /// How many positions of sequence `i`, from its first on, position `q` sees.
+    /// The number of positions of sequence `i`, from its first on, visible to position `q`.
     #[inline]
     pub fn visible(&self, i: usize, q: usize) -> usize {
         let ends = &self.blocks[i];
@@ -177,8 +175,8 @@ impl SequenceLayout {
         starts.zip(self.blocks[i].iter()).map(|(start, end)| end - start).collect()
     }
 
-    /// The angles of the positions of sequence `i`, by their places among those of a
-    /// [`Rope`](super::Rope); `None` where they are the positions.
+    /// The angles of the positions of sequence `i`, as indices into a [`Rope`](super::Rope); `None` if they are the
+    /// positions.
     #[inline]
     pub fn angles(&self, i: usize) -> Option<&[u32]> {
         (!self.angles.is_empty()).then(|| &self.angles[self.rows(i)])
@@ -253,7 +251,7 @@ impl CrossLayout {
     }
 }
 
-/// Where each of so many begins, then their sum.
+/// The start of each, then their sum.
 fn offsets(counts: &[usize]) -> Vec<usize> {
     let ends = counts.iter().scan(0, |end, count| {
         *end += count;

@@ -1,4 +1,4 @@
-//! What the operations take beside activations, and whether shapes fit it: the same sentences for every
+//! Arguments of the operations other than activations, and shape checks with the same messages for every
 //! implementation.
 
 use std::sync::Arc;
@@ -7,11 +7,11 @@ use burn::tensor::Tensor;
 
 use super::{CrossLayout, Rope, SequenceLayout};
 
-/// What attention is told beside its tensors.
+/// The arguments of attention, besides tensors.
 #[derive(Debug, Clone)]
 pub struct AttentionOptions {
     pub n_head: usize,
-    /// Where the sequences of the batch begin, and who sees whom.
+    /// The sequences of the batch, and their mask.
     pub layout: Arc<SequenceLayout>,
     /// Angles of the positions.
     pub rope: Arc<Rope>,
@@ -20,7 +20,7 @@ pub struct AttentionOptions {
 }
 
 impl AttentionOptions {
-    /// Sees that shapes fit them: of rows, and of what makes `[q | k | v]` of them.
+    /// Checks the shapes of rows, and of the weight of `[q | k | v]`.
     pub(super) fn check(&self, [n, d]: [usize; 2], [_, columns]: [usize; 2]) {
         let Self { n_head, layout, rope, .. } = self;
         let (rows, head_dim) = (layout.n_rows(), rope.head_dim());
@@ -34,7 +34,7 @@ impl AttentionOptions {
     }
 }
 
-/// What attention to a memory is told beside its tensors.
+/// The arguments of attention to a memory, besides tensors.
 #[derive(Debug, Clone)]
 pub struct CrossOptions {
     pub n_head: usize,
@@ -77,7 +77,7 @@ pub struct AttentionWeights {
 pub struct FeedForwardWeights {
     /// RMSNorm's scale.
     pub gamma_d: Tensor<1>,
-    /// u is what the activation wants.
+    /// u is the width required by the activation.
     pub up_du: Tensor<2>,
     pub down_fd: Tensor<2>,
 }
@@ -90,7 +90,7 @@ pub struct HeadWeights {
     pub weight_dv: Tensor<2>,
 }
 
-/// What stands between the two products of a feed-forward layer of f hidden features.
+/// The activation between the two products of a feed-forward layer of f hidden features.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Activation {
     /// LLaMA's gated one (Shazeer 2020), of u = 2 f columns `[gate | up]`; with σ the logistic
@@ -116,7 +116,7 @@ impl Activation {
     }
 }
 
-/// Which frames a convolution reads for each frame that it makes; what lies beyond a clip is zero.
+/// The input frames of each output frame of a convolution; frames beyond a clip are zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Taps {
     /// The frame itself (kernel 1).

@@ -32,7 +32,7 @@ impl Rope {
         Self::at_positions(&positions, head_dim, base)
     }
 
-    /// Angles for positions that do not follow one another: row t has those of `positions[t]`.
+    /// Angles for arbitrary positions: row t has those of `positions[t]`.
     ///
     /// # Panics
     ///
@@ -64,8 +64,8 @@ impl Rope {
         self.head_dim
     }
 
-    /// What a vector at position `t` and the same with its pairs changed over are multiplied by,
-    /// (cos, cos) and (−sin, sin) of each pair, each `[head_dim]`.
+    /// The factors of a vector at position `t` and of the same with swapped pairs: (cos, cos) and (−sin, sin) of each pair,
+    /// each `[head_dim]`.
     #[inline(always)]
     pub fn at(&self, t: usize) -> (&[f32], &[f32]) {
         let row = t * self.head_dim..(t + 1) * self.head_dim;

@@ -16,8 +16,8 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// Those of two embeddings or more. With fewer embeddings than numbers in each the covariance is
-    /// singular, and the distance stays defined.
+    /// Moments of two embeddings or more. With fewer embeddings than dimensions the covariance is singular, but the distance
+    /// stays defined.
     ///
     /// # Errors
     /// [`ScoreError::TooFew`].
@@ -79,16 +79,15 @@ fn symmetric(matrix: DMatrix<f64>) -> DMatrix<f64> {
 
 // How different motions are: of all texts, and of one text.
 
-/// Pairs of motions in published tables, and fewer where there are no more motions than that.
+/// Pairs of motions in published tables, and the number if there are fewer motions.
 const PAIRS: usize = 300;
 const FEW_PAIRS: usize = 100;
 
 /// Pairs of motions of one text in published tables.
 const PAIRS_OF_A_TEXT: usize = 10;
 
-/// Diversity: the mean distance of 300 pairs of motions, of 100 where there are no more than 300, of all
-/// where there are fewer. Each side of the pairs is drawn without replacement, so that a motion may be
-/// beside itself, as in the published protocol.
+/// Diversity: the mean distance of 300 pairs of motions, of 100 with at most 300 motions, of all with fewer. Each side of
+/// the pairs is drawn without replacement, so a motion may be paired with itself, as in the published protocol.
 ///
 /// # Errors
 /// [`ScoreError::TooFew`].

@@ -1,8 +1,7 @@
-//! Scores of motions: how far a set of embeddings is from another, whether texts find their motions,
-//! how different motions are, and what can be seen of a motion without an embedding.
+//! Scores of motions: distance between sets of embeddings, retrieval of motions by texts, diversity, and physical
+//! statistics without embeddings.
 //!
-//! Embeddings come from an evaluator; a score means something beside scores of the same evaluator
-//! alone.
+//! Embeddings come from an evaluator; only scores by the same evaluator can be compared.
 //!
 //! # Example
 //!
@@ -51,7 +50,7 @@ impl Embeddings {
         Ok(Self { values, dim })
     }
 
-    /// How many there are.
+    /// The number of embeddings.
     pub fn len(&self) -> usize {
         self.values.len() / self.dim
     }
@@ -76,7 +75,7 @@ impl Embeddings {
         self.values.chunks_exact(self.dim)
     }
 
-    /// Those of these indices, in this order.
+    /// The embeddings of these indices, in this order.
     #[must_use]
     pub fn select(&self, indices: &[usize]) -> Self {
         let values = indices.iter().flat_map(|&index| self.row(index)).copied().collect();

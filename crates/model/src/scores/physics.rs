@@ -1,19 +1,18 @@
-//! [`Physics`]: what can be seen of a motion without an evaluator.
+//! [`Physics`]: statistics of a motion that need no evaluator.
 
 use serde::{Deserialize, Serialize};
 
 use super::ScoreError;
 use crate::motion::{CONTACT_JOINTS, PARENTS, Pose};
 
-/// A foot below this height, in metres, in two frames stands on the floor.
+/// A foot below this height, in metres, in two frames counts as on the floor.
 const ON_FLOOR: f32 = 0.05;
 
 /// A foot on the floor that moves faster than this, in metres a second, slides: 2.5 cm a frame of 20 a
 /// second.
 const SLIDING: f64 = 0.5;
 
-/// How far a motion is from what a body can do; 0 is best in all but jerk, which is read beside that of
-/// true motions.
+/// Physical implausibility of a motion; 0 is best except for jerk, which should be compared with true motions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Physics {
     /// Share of the steps from frame to frame in which a foot on the floor slides (Karunratanakul et
@@ -27,7 +26,7 @@ pub struct Physics {
     pub penetration_mm: f64,
 }
 
-/// That of one motion of `fps` frames a second.
+/// That of one motion of `fps` frames per second.
 ///
 /// # Errors
 /// [`ScoreError::TooFew`] below four frames, which have no jerk.

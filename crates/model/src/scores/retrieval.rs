@@ -7,7 +7,7 @@ use super::{Embeddings, ScoreError, distance};
 /// Motions that a text chooses among, in every published table.
 pub const POOL: usize = 32;
 
-/// How well texts find their motions.
+/// Retrieval of motions by their texts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Retrieval {
     /// R-precision: the share of texts whose own motion is among the nearest 1, 2 and 3 of the pool.
@@ -18,11 +18,11 @@ pub struct Retrieval {
     pub n_texts: usize,
 }
 
-/// R-precision and matching distance of texts and their motions, in pools of `pool` after one another;
-/// what fills no pool is left out, as in the published protocol. Shuffle the pairs before.
+/// R-precision and matching distance of texts and their motions, in consecutive pools of `pool`; a partial pool is left
+/// out, as in the published protocol. Shuffle the pairs before.
 ///
-/// Motions at the same distance come in an order drawn at random, and what that gives on the mean is
-/// counted: an evaluator that makes all motions alike finds 1 / `pool`.
+/// Motions at the same distance are in random order, and the expected value is counted: an evaluator with equal
+/// embeddings gets 1 / `pool`.
 ///
 /// # Errors
 /// [`ScoreError::TooFew`] if no pool is full, [`ScoreError::Unpaired`] and [`ScoreError::Widths`].
@@ -52,7 +52,7 @@ pub fn retrieval(
     Ok(Retrieval { precision: hits.map(|hits| hits / n), matching_distance: matching / n, n_texts })
 }
 
-/// How often one of `level` things behind `nearer` others is among the first `k`.
+/// Probability that one of `level` tied items after `nearer` others is among the first `k`.
 fn share_within(k: usize, nearer: usize, level: usize) -> f64 {
     (k.saturating_sub(nearer) as f64 / level as f64).min(1.0)
 }

@@ -10,8 +10,8 @@ use crate::draws::below;
 
 /// The mean of a score over repeats, and half the width of its 95 % interval.
 ///
-/// The interval holds what differs between repeats: the draws of motions, pairs and pools. It does not
-/// hold the choice of the test clips, nor the evaluator.
+/// The interval covers the differences between repeats: the draws of motions, pairs and pools. It does not cover the
+/// choice of test clips or the evaluator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Repeated {
     pub mean: f64,
@@ -21,7 +21,7 @@ pub struct Repeated {
 }
 
 impl Repeated {
-    /// Those of one score or more.
+    /// From one score or more.
     ///
     /// # Errors
     /// [`ScoreError::TooFew`].
@@ -76,7 +76,7 @@ pub fn rank_correlation(pairs: &[(f64, f64)]) -> Result<RankCorrelation, ScoreEr
     Ok(RankCorrelation { value: spearman(pairs), interval: [end(0.025), end(0.975)], n })
 }
 
-/// The correlation of ranks; 0 where all of a side are alike.
+/// The correlation of ranks; 0 if all of a side are alike.
 fn spearman(pairs: &[(f64, f64)]) -> f64 {
     let (x, y): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
     let (x, y) = (ranks(&x), ranks(&y));
@@ -98,7 +98,7 @@ fn ranks(values: &[f64]) -> Vec<f64> {
     values.iter().map(rank).collect()
 }
 
-/// What motions score, over repeats.
+/// The scores of motions over repeats.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MotionScores {
     /// From the true motions.

@@ -1,11 +1,11 @@
-//! [`EmbeddingFile`]: vectors that another program made, found by the hash of their caption.
+//! [`EmbeddingFile`]: caption vectors from another program, found by the hash of the caption.
 //!
 //! The file is a safetensors file of three tensors, for n captions with m vectors in all:
 //!
-//! | name | type | shape | what it holds |
+//! | name | type | shape | content |
 //! | --- | --- | --- | --- |
 //! | `keys` | U64 | `[n]` | the key of each caption, in any order, none twice |
-//! | `offsets` | U64 | `[n + 1]` | where each caption's vectors begin, counted in vectors: 0 first, m last, at least one vector a caption |
+//! | `offsets` | U64 | `[n + 1]` | the start of each caption's vectors, counted in vectors: 0 first, m last, at least one per caption |
 //! | `embeddings` | F32 | `[m, dim]` | the vectors, caption after caption |
 //!
 //! A key is the first eight bytes of the BLAKE3 hash of the caption in UTF-8, as a little-endian
@@ -14,16 +14,17 @@
 //!
 //! A caption with one vector is embedded as a sentence, one with several word by word. Vectors are
 //! used as they are; those of the built-in encoder have unit mean square. Other entries of the file
-//! are ignored. The file is mapped while it is read, so a new one has to take its place by rename;
+//! are ignored. A large file is mapped while it is used, so a new one has to take its place by rename;
 //! `experiments/embed_captions.py` writes it so.
 
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use super::store::{TextEncoder, TextError};
 use crate::files::FileError;
-use crate::files::columns::{Column, MappedFile};
+use crate::files::columns::{Column, ColumnFile};
 
 /// How a file that is not as described is mended: it is not isoflop's to make.
 const ADVICE: &str = "make it again with the program that made it";
@@ -32,17 +33,18 @@ const ADVICE: &str = "make it again with the program that made it";
 #[derive(Debug)]
 pub struct EmbeddingFile {
     path: PathBuf,
-    file: MappedFile,
+    file: ColumnFile,
     dim: usize,
     max_tokens: usize,
-    /// Where each key stands among the keys.
+    /// The index of each key.
     places: HashMap<u64, usize>,
     offsets: Column<u64>,
     embeddings: Column<f32>,
+    digest: OnceLock<String>,
 }
 
 impl EmbeddingFile {
-    /// Maps the file and checks that it is sound and that its vectors have width `dim`; of each
+    /// Opens the file and checks that it is sound and that its vectors have width `dim`; of each
     /// caption it gives the first `max_tokens` vectors. Both are at least 1.
     ///
     /// # Errors
@@ -57,7 +59,7 @@ impl EmbeddingFile {
     }
 
     fn map(path: &Path, max_tokens: usize) -> Result<Self, FileError> {
-        let file = MappedFile::open(path)?;
+        let file = ColumnFile::open(path)?;
         let keys: Column<u64> = file.column("keys")?;
         let embeddings = file.column("embeddings")?;
         let [n_vectors, dim] = *file.shape("embeddings")? else {
@@ -75,10 +77,15 @@ impl EmbeddingFile {
             return Err(file.damaged("a caption stands in `keys` twice"));
         }
         let path = path.to_path_buf();
-        Ok(Self { path, file, dim, max_tokens, places, offsets, embeddings })
+        let digest = OnceLock::new();
+        Ok(Self { path, file, dim, max_tokens, places, offsets, embeddings, digest })
     }
 
-    /// Where a caption's vectors stand, cut to the limit.
+    fn digest_now(&self) -> String {
+        blake3::hash(self.file.bytes()).to_hex().to_string()
+    }
+
+    /// The range of a caption's vectors, cut to the limit.
     fn rows(&self, caption: &str) -> Result<Range<usize>, TextError> {
         let Some(&place) = self.places.get(&caption_key(caption)) else {
             let captions = vec![caption.to_string()];
@@ -117,7 +124,17 @@ impl TextEncoder for EmbeddingFile {
     }
 
     fn digest(&self) -> Option<String> {
-        Some(blake3::hash(self.file.bytes()).to_hex().to_string())
+        Some(self.digest.get_or_init(|| self.digest_now()).clone())
+    }
+
+    fn unchanged(&self) -> Result<(), FileError> {
+        self.file.unchanged()?;
+        match self.digest.get() {
+            Some(digest) if *digest != self.digest_now() => {
+                Err(FileError::Changed { path: self.path.clone() })
+            }
+            _ => Ok(()),
+        }
     }
 }
 

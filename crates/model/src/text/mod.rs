@@ -22,7 +22,7 @@ use crate::spec::{TextEncoderKind, TextSpec};
 pub use embedding_file::{EmbeddingFile, caption_key};
 pub use store::{TextEncoder, TextError, TextStore, embed};
 
-/// The encoder that a sweep asks for.
+/// The encoder of a sweep.
 ///
 /// # Errors
 /// Its file cannot be used.
@@ -73,8 +73,8 @@ const END: &str = "</s>";
 /// Word-level embeddings by the hashing trick (Weinberger et al. 2009) on fastText's subwords.
 ///
 /// Each n-gram of `<word>` adds ±1 to one coordinate, both given by its hash; the sum is scaled to
-/// unit mean square. Words that share a stem are near each other, synonyms are not: what a caption
-/// tells the model is which words stand in it.
+/// unit mean square. Words with a common stem are close, synonyms are not: the model learns only which words a caption
+/// contains.
 #[derive(Clone, Debug)]
 pub struct HashedNgrams {
     dim: usize,

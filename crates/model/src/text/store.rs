@@ -1,9 +1,9 @@
-//! [`TextStore`]: the captions of a data set as vectors, in one file that many processes share; and what makes
-//! vectors of captions, a [`TextEncoder`].
+//! [`TextStore`]: the captions of a data set as vectors, in one file shared by many processes; and the trait that
+//! encodes captions, [`TextEncoder`].
 //!
-//! Columns: `embeddings` (f32), `words` (u64, where each distinct caption starts, in words, and the
-//! end), and for each split `<split>.captions` (u32, distinct captions, clip after clip) and
-//! `<split>.offsets` (u64, where each clip's captions start, and the end); `dim` among the notes.
+//! Columns: `embeddings` (f32), `words` (u64, the start of each distinct caption, in words, and the end), and for each
+//! split `<split>.captions` (u32, distinct captions, clip by clip) and `<split>.offsets` (u64, the start of each clip's
+//! captions, and the end); `dim` in the metadata.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use crate::data::{MotionSource, Split};
 use crate::failure::FailureKind;
 use crate::files::FileError;
-use crate::files::columns::{self, Column, MappedFile, NewColumn};
+use crate::files::columns::{self, Column, ColumnFile, NewColumn};
 use crate::progress::moved;
 
 /// A frozen encoder of captions.
@@ -26,20 +26,28 @@ pub trait TextEncoder: Sync {
     /// The encoder has no vectors for this caption.
     fn encode(&self, caption: &str) -> Result<Vec<f32>, TextError>;
 
-    /// How many vectors [`encode`](Self::encode) gives, without making them.
+    /// The number of vectors of [`encode`](Self::encode), without computing them.
     ///
     /// # Errors
     /// As there.
     fn n_tokens(&self, caption: &str) -> Result<usize, TextError>;
 
-    /// The same of several captions, in their order.
+    /// The same for several captions, in order.
     fn encode_all(&self, captions: &[String]) -> Vec<Result<Vec<f32>, TextError>> {
         captions.iter().map(|caption| self.encode(caption)).collect()
     }
 
-    /// Hex digest of what the vectors follow from beside the spec; `None` where nothing is.
+    /// Hex digest of the inputs of the vectors other than the spec; `None` if there are none.
     fn digest(&self) -> Option<String> {
         None
+    }
+
+    /// Whether what the vectors follow from is still what it was when the digest was taken.
+    ///
+    /// # Errors
+    /// [`FileError::Changed`].
+    fn unchanged(&self) -> Result<(), FileError> {
+        Ok(())
     }
 }
 
@@ -49,7 +57,7 @@ const NAMED: usize = 3;
 /// Why captions have no vectors.
 #[derive(Debug, thiserror::Error)]
 pub enum TextError {
-    /// The file knows nothing of captions that the data has.
+    /// The file lacks captions of the data.
     #[error("{} has no vectors for {}; make it again from this data", file.display(), named(captions))]
     Missing { captions: Vec<String>, file: PathBuf },
     /// The file's vectors are not as wide as the models expect.
@@ -61,7 +69,7 @@ pub enum TextError {
     /// A model whose weights cannot be used.
     #[error("the text encoder in {} cannot be used: {reason}", folder.display())]
     Model { folder: PathBuf, reason: String },
-    /// What would be made is not what the sweep was planned with.
+    /// The vectors would differ from those that the sweep was planned with.
     #[error(
         "{}, or the data, has changed since the sweep was planned; `isoflop run` plans it again",
         file.display()
@@ -109,6 +117,7 @@ pub fn embed(
 ) -> Result<(), TextError> {
     let (distinct, splits) = captions_of(source);
     let (embeddings, words) = vectors_of(encoder, &distinct)?;
+    encoder.unchanged()?;
     let mut all = vec![NewColumn::new("embeddings", &embeddings), NewColumn::new("words", &words)];
     for (split, (captions, offsets)) in Split::ALL.iter().zip(&splits) {
         all.push(NewColumn::new(format!("{}.captions", split.name()), captions));
@@ -118,10 +127,10 @@ pub fn embed(
     Ok(columns::write(path, &all, notes)?)
 }
 
-/// Captions of a split, clip after clip, and where each clip's begin, with the end.
+/// Captions of a split, clip by clip, and the start of each clip's, with the end.
 type SplitCaptions = (Vec<u32>, Vec<u64>);
 
-/// The distinct captions, in the order in which they first appear, and those of each split.
+/// The distinct captions in order of first occurrence, and the captions of each split.
 fn captions_of(source: &dyn MotionSource) -> (Vec<String>, [SplitCaptions; 3]) {
     let mut ids: HashMap<String, u32> = HashMap::new();
     let splits = Split::ALL.map(|split| {
@@ -141,7 +150,7 @@ fn captions_of(source: &dyn MotionSource) -> (Vec<String>, [SplitCaptions; 3]) {
     (distinct, splits)
 }
 
-/// The vectors of all captions, and where each caption's begin, in words, with the end.
+/// The vectors of all captions, and the start of each caption's, in words, with the end.
 fn vectors_of(
     encoder: &dyn TextEncoder,
     captions: &[String],
@@ -169,6 +178,7 @@ fn vectors_of(
 /// The embedded captions of a data set, opened for reading.
 #[derive(Debug)]
 pub struct TextStore {
+    file: ColumnFile,
     dim: usize,
     embeddings: Column<f32>,
     words: Column<u64>,
@@ -177,24 +187,37 @@ pub struct TextStore {
 }
 
 impl TextStore {
-    /// Maps the file into memory and checks that it is whole.
+    /// Opens the file and checks that it is whole.
     ///
     /// # Errors
     /// [`FileError::Read`] and [`FileError::Damaged`].
     pub fn open(path: &Path) -> Result<Self, FileError> {
-        let file = MappedFile::open(path)?.verified()?;
+        let file = ColumnFile::open(path)?.verified()?;
         let split = |split: Split| {
             let name = split.name();
             let captions = file.column(&format!("{name}.captions"))?;
             Ok((captions, file.column(&format!("{name}.offsets"))?))
         };
+        let dim = file.number("dim")?;
+        if dim == 0 {
+            return Err(file.damaged("its vectors have no numbers"));
+        }
         let store = Self {
-            dim: file.number("dim")?,
+            dim,
             embeddings: file.column("embeddings")?,
             words: file.column("words")?,
             splits: Split::ALL.into_iter().map(split).collect::<Result<_, FileError>>()?,
+            file,
         };
-        if store.is_sound() { Ok(store) } else { Err(file.damaged("its columns disagree")) }
+        if store.is_sound() { Ok(store) } else { Err(store.file.damaged("its columns disagree")) }
+    }
+
+    /// Whether the vectors are still those that were opened.
+    ///
+    /// # Errors
+    /// [`FileError::Changed`].
+    pub fn unchanged(&self) -> Result<(), FileError> {
+        self.file.unchanged()
     }
 
     fn is_sound(&self) -> bool {
@@ -202,7 +225,8 @@ impl TextStore {
         let n_words = self.embeddings.values().len() / self.dim;
         let split_is_sound = |(captions, offsets): &(Column<u32>, Column<u64>)| {
             let (captions, offsets) = (captions.values(), offsets.values());
-            offsets.is_sorted()
+            // Each clip has a caption.
+            offsets.is_sorted_by(|from, to| from < to)
                 && offsets.last() == Some(&(captions.len() as u64))
                 && captions.iter().all(|&id| (id as usize) + 1 < words.len())
         };

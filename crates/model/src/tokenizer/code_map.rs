@@ -1,4 +1,4 @@
-//! [`CodeMap`]: how often the codes of a tokenizer are met, and where they lie (LG-Tok, Figs. 6 and 7).
+//! [`CodeMap`]: frequencies and embeddings of a tokenizer's codes (LG-Tok, Figs. 6 and 7).
 
 use burn::tensor::{Device, Tensor, TensorData};
 

@@ -1,6 +1,5 @@
 //! [`Tokenizer`]: a trained module with the statistics its features are normalised by.
 
-use std::io;
 use std::path::Path;
 
 use burn::module::Module;
@@ -12,10 +11,9 @@ use super::halves::{Captions, host};
 use super::module::TokenizerModule;
 use super::quantizer::{Extent, Quantizer};
 use crate::data::{self, FeatureStats, MotionSource};
-use crate::files::atomic::write_json;
-use crate::files::{FileError, read_if_there};
+use crate::files::FileError;
 use crate::generator::ScaleInputs;
-use crate::learn::weights;
+use crate::learn::{described, weights};
 use crate::spec::TokenizerSpec;
 
 /// Raw features to codes and back.
@@ -53,17 +51,17 @@ impl Tokenizer {
         Self::new(module, spec.clone(), stats, fps, device.clone())
     }
 
-    /// What it was trained by.
+    /// Its specification.
     pub fn spec(&self) -> &TokenizerSpec {
         &self.spec
     }
 
-    /// Frames a second of the motion that it was trained on.
+    /// Frames per second of the motion that it was trained on.
     pub fn fps(&self) -> f64 {
         self.fps
     }
 
-    /// What its features are normalised by.
+    /// The normalisation of its features.
     pub fn stats(&self) -> &FeatureStats {
         &self.stats
     }
@@ -99,7 +97,7 @@ impl Tokenizer {
         Ok(self.encode_stack(features[..n_latents * latent].to_vec(), 1, captions.as_ref()))
     }
 
-    /// The caption of one clip, where the tokenizer has language.
+    /// The caption of one clip, if the tokenizer has language.
     fn captions(&self, caption: Option<&[f32]>) -> Result<Option<Captions>, TokenizerError> {
         let Some(language) = self.spec.architecture.language() else { return Ok(None) };
         let (caption, wanted) = (caption.ok_or(TokenizerError::NoText)?, language.dim);
@@ -112,9 +110,8 @@ impl Tokenizer {
     /// Raw features of the codes of one clip of `n_frames` frames, row-major `[n_frames, n_features]`,
     /// without the frames after the last whole latent.
     ///
-    /// A tokenizer with language sees the clip's caption, as [`Tokenizer::encode`] does, and follows it
-    /// the more the larger `guidance` is: (1 + g) m_c − g m_u, with what it makes without the caption.
-    /// LG-Tok has 2 for HumanML3D and 1 for Motion-X; 0 reconstructs.
+    /// A tokenizer with language reads the clip's caption, like [`Tokenizer::encode`]; `guidance` g gives (1 + g) m_c −
+    /// g m_u, with m_u decoded without the caption. LG-Tok uses 2 for HumanML3D and 1 for Motion-X; 0 reconstructs.
     ///
     /// # Errors
     /// If a clip of so many frames has another number of codes, or an id is not below its scale's
@@ -184,26 +181,24 @@ impl Tokenizer {
         let mut tensors = weights::of_module(&self.module);
         weights::insert_stats(&mut tensors, &self.stats);
         weights::insert_number(&mut tensors, FPS, self.fps);
-        weights::save(&folder.join(WEIGHTS), &tensors, Default::default())?;
-        Ok(write_json(&folder.join(SPEC), &self.spec)?)
+        Ok(described::save(folder, SPEC, &self.spec, &tensors)?)
     }
 
-    /// Reads what [`Tokenizer::save`] wrote, for use on `device`.
+    /// Reads files of [`Tokenizer::save`], for use on `device`.
     pub fn load(folder: &Path, device: &Device) -> Result<Self, TokenizerError> {
-        let path = folder.join(SPEC);
-        let spec: Option<TokenizerSpec> = read_if_there(&path)?;
-        let missing = || FileError::read(&path)(io::ErrorKind::NotFound.into());
-        let spec = spec.ok_or_else(missing)?;
+        let (spec, mut tensors): (TokenizerSpec, _) = described::load(folder, SPEC)?;
         spec.check()?;
-        let (mut tensors, _) = weights::load(&folder.join(WEIGHTS))?;
         let fps = weights::take_number(&mut tensors, FPS).unwrap_or(data::FPS);
+        let beyond = weights::beyond(&(&spec.architecture, &spec.quantizer), &tensors);
+        if let Some(problem) = beyond.or_else(|| weights::no_rate(fps)) {
+            return Err(FileError::damaged(&folder.join(SPEC), problem).into());
+        }
         let stats = weights::take_stats(&mut tensors)?;
         let module = TokenizerModule::of_weights(&spec, &stats, tensors, device)?;
         Ok(Self::new(module, spec, stats, fps, device.clone()))
     }
 }
 
-const WEIGHTS: &str = "weights.safetensors";
 const SPEC: &str = "tokenizer.json";
 /// The rate of the motion, among the tensors.
 const FPS: &str = "fps";

@@ -24,10 +24,10 @@ impl<'a> Corpus<'a> {
         Self { source, text: None }
     }
 
-    /// What a tokenizer reads of the captions; `None` where it has no language.
+    /// The captions for a tokenizer; `None` if it has no language.
     ///
     /// # Errors
-    /// It has language, and there are no vectors or they are of another width.
+    /// It has language, but there are no vectors, or they have another width.
     pub(super) fn read_by(
         &self,
         spec: &TokenizerSpec,
@@ -46,7 +46,7 @@ impl<'a> Corpus<'a> {
 #[derive(Clone, Debug)]
 pub struct ReadCaptions<'a> {
     store: &'a TextStore,
-    /// How often a clip in training loses its caption.
+    /// Probability of dropping a caption in training.
     drop: f64,
 }
 
@@ -134,10 +134,10 @@ fn joint_heights() -> impl Iterator<Item = usize> {
     (POSITIONS.start + 1..POSITIONS.end).step_by(3)
 }
 
-/// Features to normalised values of those that a tokenizer sees, and back.
+/// Converts features to the normalised values of a tokenizer, and back.
 #[derive(Clone, Debug)]
 pub struct Normaliser {
-    /// Mean of what is normalised, `[f]`.
+    /// Mean of the normalised features, `[f]`.
     pub mean: Vec<f32>,
     /// Deviation of each feature, `[f]`.
     pub std: Vec<f32>,

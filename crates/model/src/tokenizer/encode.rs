@@ -1,5 +1,5 @@
-//! Tokenising a whole data set, once, into a [`TokenStore`](crate::codes::TokenStore)'s file; what is made
-//! so far is kept in [`Parts`], so that a killed process loses little.
+//! Tokenises a whole data set into a [`TokenStore`](crate::codes::TokenStore)'s file; intermediate results are kept in
+//! [`Parts`], so that a killed process loses little.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -12,16 +12,17 @@ use super::corpus::{ClipBatch, Corpus, equal_length_batches};
 use crate::codes::{SplitTokens, write_store};
 use crate::data::Split;
 use crate::files::FileError;
-use crate::files::columns::{MappedFile, NewColumn, write};
+use crate::files::columns::{ColumnFile, NewColumn, write};
 use crate::progress::{Stop, moved};
+use crate::text::TextStore;
 
-/// Tokenises every clip of every split into one file at `path`, written whole, by rename. What it has made so
-/// far it keeps in `parts`, and goes on from there.
+/// Tokenises every clip of every split into one file at `path`, renamed into place. Keeps intermediate results in
+/// `parts`, and resumes from them.
 ///
-/// `None`: stopped between two parts.
+/// `None` if stopped between two parts.
 ///
 /// # Errors
-/// A clip cannot be read or is shorter than a token, or a file cannot be written.
+/// A clip cannot be read or is shorter than a token, a file cannot be written, or the captions changed meanwhile.
 pub fn tokenize(
     tokenizer: &Tokenizer,
     corpus: &Corpus,
@@ -30,6 +31,11 @@ pub fn tokenize(
 ) -> Result<Option<()>, TokenizerError> {
     let splits = Split::ALL.iter().map(|&split| tokenize_split(tokenizer, corpus, split, parts));
     let Some(splits) = splits.collect::<Result<Option<Vec<_>>, _>>()? else { return Ok(None) };
+    if let Err(changed) = corpus.text.map_or(Ok(()), TextStore::unchanged) {
+        // Made of the changed captions, too.
+        std::fs::remove_dir_all(parts.folder).map_err(FileError::write(parts.folder))?;
+        return Err(changed.into());
+    }
     Ok(Some(write_store(path, &tokenizer.spec().grid(), &splits)?))
 }
 
@@ -63,7 +69,7 @@ fn tokenize_split(
     Ok(Some(SplitTokens::new(clips).in_groups(groups)))
 }
 
-/// The codes of every batch, those that are kept and those that are made now; `None`: stopped.
+/// The codes of every batch, kept or computed now; `None` if stopped.
 fn in_parts(
     batches: &[ClipBatch],
     split: Split,
@@ -93,7 +99,7 @@ fn in_parts(
 /// Batches of a part: about 130,000 frames.
 const BATCHES: usize = 64;
 
-/// Where the codes of batches are kept until those of all are there, and the flag that stops between parts.
+/// The folder of the codes of batches until all are done, and the flag that stops between parts.
 #[derive(Clone, Copy, Debug)]
 pub struct Parts<'a> {
     /// Made where it is missing.
@@ -108,7 +114,7 @@ impl Parts<'_> {
     }
 }
 
-/// The share of a data set whose codes are kept; 0 where none are. Parts count alike.
+/// The share of a data set whose codes are kept; 0 if none are. Parts count alike.
 pub fn share_kept(folder: &Path) -> f64 {
     let names = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let names: Vec<String> =
@@ -132,9 +138,9 @@ fn keep(path: &Path, batches: &[Vec<u32>]) -> Result<(), FileError> {
     write(path, &[NewColumn::new(CODES, &codes), NewColumn::new(LENGTHS, &lengths)], HashMap::new())
 }
 
-/// The codes of a part's batches; `None` where they are not kept, or not whole.
+/// The codes of a part's batches; `None` if they are not kept, or not whole.
 fn kept(path: &Path) -> Option<Vec<Vec<u32>>> {
-    let file = MappedFile::open(path).ok()?;
+    let file = ColumnFile::open(path).and_then(ColumnFile::verified).ok()?;
     let (codes, lengths) = (file.column::<u32>(CODES).ok()?, file.column::<u64>(LENGTHS).ok()?);
     let mut rest = codes.values();
     let batch = |length: &u64| {

@@ -1,4 +1,4 @@
-//! What the two halves of a tokenizer are, and what a pass tells them beside features and latents.
+//! The two halves of a tokenizer, and their inputs other than features and latents.
 //!
 //! Shapes: b clips, t frames, f features, c latent channels; t/s latents where a latent stands for s
 //! frames.
@@ -49,12 +49,12 @@ macro_rules! stands_for {
 }
 pub(super) use stands_for;
 
-/// What a pass reads beside features and latents.
+/// The inputs of a pass other than features and latents.
 #[derive(Default)]
 pub struct Pass<'a> {
     /// The clips' captions, where the tokenizer has language.
     pub captions: Option<&'a Captions>,
-    /// Draws what is dropped; `None` where nothing is, as outside training.
+    /// Draws what is dropped; `None` if nothing is, as outside training.
     pub noise: Option<ChaCha8Rng>,
 }
 
@@ -111,7 +111,7 @@ impl Captions {
         &self.words
     }
 
-    /// All vectors, `[words of all clips, dim]`; `None` where no clip has a caption.
+    /// All vectors, `[words of all clips, dim]`; `None` if no clip has a caption.
     pub fn tensor(&self, device: &Device) -> Option<Tensor<2>> {
         let n: usize = self.words.iter().sum();
         let data = |n| TensorData::new(self.vectors.clone(), [n, self.vectors.len() / n]);

@@ -1,5 +1,4 @@
-//! The weights that are kept of a training: [`Average`] of them, and those that [`Watch`] finds the best on the
-//! validation split.
+//! The weights kept from a training: their [`Average`], and the best on the validation split by [`Watch`].
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor};
@@ -44,7 +43,7 @@ impl Average {
         weights::of_module(&self.module)
     }
 
-    /// Takes up what [`Average::keep`] gave; `None` where it is not that.
+    /// Takes up what [`Average::keep`] gave; `None` if it is not that.
     pub fn resume(&mut self, saved: Weights) -> Option<()> {
         self.module = weights::into_module(self.module.clone(), saved).ok()?;
         Some(())
@@ -163,7 +162,7 @@ impl<'a> Watch<'a> {
         (serde_json::to_value(&self.log).expect("plain values"), weights::of_module(&self.best))
     }
 
-    /// Takes up what [`Watch::keep`] gave; `None` where it is not that.
+    /// Takes up what [`Watch::keep`] gave; `None` if it is not that.
     pub fn resume(&mut self, log: serde_json::Value, best: Weights) -> Option<()> {
         self.log = serde_json::from_value(log).ok()?;
         self.best = weights::into_module(self.best.clone(), best).ok()?;

@@ -1,10 +1,9 @@
-//! What the training of a tokenizer makes small: the error of features, or of joints in metres, as a person
-//! would see it.
+//! The loss of a tokenizer: the error of features, or of joints in metres.
 //!
 //! # The loss in joints
 //!
 //! With p the true and p̂ the predicted positions of the joints about the root, m the visible frames
-//! and e the error of the root's half turns, summed over the frames before,
+//! and e the error of the root's half turns, summed over earlier frames,
 //!
 //! given = mean_m mean_j ‖p − p̂‖ / 0.1 m, own = mean_m mean_j ‖p − R(−2 Σe) p̂‖ / 0.1 m,
 //! features = mean_m Σ_f w_f smooth L1, velocity = mean_m mean |Δp − Δp̂| / 0.02 m,
@@ -13,8 +12,8 @@
 //!
 //! and the terms of [`course`] over time, where they have a weight.
 //!
-//! The gradient is written out and computed on the host in one pass: composed of tensor operations the
-//! loss would take longer than the network.
+//! The gradient is computed on the host in one pass: composed of tensor operations, the loss would take longer than the
+//! network.
 //!
 //! Shapes: b clips, t frames, f features.
 
@@ -32,7 +31,7 @@ use course::{CourseLoss, DISTANCE_M, JOINTS, Point, length};
 /// mean over its own values (T2M-GPT's loss; it calls the positions "velocity"). `[1]`.
 ///
 /// With d = prediction − target and g = clamp(d, −1, 1) one value's loss is g (d − g/2). Its
-/// derivative in d is g even where g is held fixed, so g stays out of the graph.
+/// derivative in d is g even if g is constant, so g stays out of the graph.
 pub fn reconstruction_loss(
     prediction_btf: Tensor<3>,
     target_btf: Tensor<3>,
@@ -45,7 +44,7 @@ pub fn reconstruction_loss(
     ((apart_btf - Tensor::from_inner(clamped_btf * 0.5)) * weighted_btf).sum()
 }
 
-/// What each feature counts for in a sum over all values, `[1, 1, f]`.
+/// The weight of each feature in a sum over all values, `[1, 1, f]`.
 fn feature_weights(like_btf: &Tensor<3>, position_weight: f64) -> Tensor<3> {
     let [b, t, n_features] = like_btf.dims();
     let frames = (b * t) as f64;
@@ -158,7 +157,7 @@ impl JointLoss {
         let n = self.normaliser.n_features();
         let turn_std = f64::from(self.normaliser.std[ROOT_YAW]);
         let (mut sum, mut angle) = (0.0, 0.0);
-        // What the loss of a frame grows by with the error of the heading there.
+        // The derivative of a frame's loss by the heading error.
         let mut by_angle = vec![0.0; visible.len()];
         let mut before: Option<[Point; JOINTS]> = None;
         for (t, &visible) in visible.iter().enumerate() {
@@ -250,7 +249,7 @@ impl JointLoss {
         }
     }
 
-    /// Of a joint about the root, in metres.
+    /// The position of a joint about the root, in metres.
     fn position(&self, frame: &[f32], joint: usize) -> Point {
         std::array::from_fn(|i| {
             let column = POSITIONS.start + 3 * joint + i;

@@ -1,5 +1,5 @@
-//! [`TokenizerModule`]: encoder, quantizer and decoder as one trainable module; the one place that tells kinds
-//! of them apart.
+//! [`TokenizerModule`]: encoder, quantizer and decoder as one trainable module; only this file matches on their
+//! kinds.
 //!
 //! Shapes: b clips, t frames, f features, c latent channels, n = b·t/s latents.
 
@@ -112,11 +112,11 @@ const WEIGHTS_STREAM: u64 = 0;
 /// Patches whose latents are made at a time.
 const PATCHES_AT_ONCE: usize = 1 << 14;
 
-/// What is trained and saved; it works on normalised features.
+/// The trained and saved module, on normalised features.
 #[derive(Module, Debug)]
 pub struct TokenizerModule {
     encoder: AnyEncoder,
-    /// It may learn beside the weights.
+    /// It may also learn outside the weights.
     pub quantizer: AnyQuantizer,
     decoder: AnyDecoder,
     /// Whether the decoder alone is trained.
@@ -141,10 +141,10 @@ impl TokenizerModule {
         }
     }
 
-    /// The module of weights, for features with these statistics.
+    /// The module from weights, for features with these statistics.
     ///
     /// # Errors
-    /// The weights are not those of such a tokenizer.
+    /// The weights do not fit this tokenizer.
     pub fn of_weights(
         spec: &TokenizerSpec,
         stats: &FeatureStats,
@@ -156,8 +156,8 @@ impl TokenizerModule {
         weights::into_module(Self::new(spec, n_features, &mut unused, device), saved)
     }
 
-    /// Weights before the first step: fresh; where the architecture begins from data, from patches of the
-    /// pool, encoder and decoder first, the quantizer from the latents that these give.
+    /// Initial weights: random; or, if the architecture starts from data, from patches of the pool: encoder and decoder
+    /// first, then the quantizer from their latents.
     pub fn begun(
         spec: &TokenizerSpec,
         pool: &WindowPool,
@@ -191,7 +191,7 @@ impl TokenizerModule {
     }
 
     /// A training pass: normalised features, `[b, t, f]`, and the quantizer's own term of the loss, `[1]`.
-    /// Gradients pass through, and the quantizer learns what it learns on the host.
+    /// Gradients pass through, and the quantizer updates its state on the host.
     pub fn reconstruct(
         &mut self,
         x_btf: Tensor<3>,
@@ -221,8 +221,8 @@ impl TokenizerModule {
 
     /// Features `[b, t, f]` of the codes of clips of one length.
     ///
-    /// With language-free guidance g other than 0 these are (1 + g) m_c − g m_u, where m_c is what the
-    /// captions give and m_u what is made without them (LG-Tok).
+    /// With language-free guidance g other than 0 these are (1 + g) m_c − g m_u, with m_c decoded with captions and m_u
+    /// without (LG-Tok).
     pub fn decode(
         &self,
         ids: &[u32],

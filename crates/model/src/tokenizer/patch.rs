@@ -25,7 +25,7 @@ fn blocks(n: usize, width: usize, rng: &mut ChaCha8Rng, device: &Device) -> Vec<
     dilations.map(|dilation| Block::new(width, dilation, rng, device)).collect()
 }
 
-/// Principal components of each patch, and what a network adds to them.
+/// Principal components of each patch, plus a network.
 #[derive(Module, Debug)]
 pub struct PatchEncoder {
     components: Affine,
@@ -78,7 +78,7 @@ impl Encode for PatchEncoder {
     }
 }
 
-/// A line from each latent to its patch, and what a network adds to it.
+/// A linear map from each latent to its patch, plus a network.
 #[derive(Module, Debug)]
 pub struct PatchDecoder {
     line: Affine,
@@ -178,7 +178,7 @@ impl Block {
 
 // Principal components of weighted patches, and the line back from them.
 
-/// How much a feature counts for: near what MPJPE counts.
+/// The weight of a feature, close to MPJPE.
 const YAW_WEIGHT: f32 = 8.0;
 const ROOT_WEIGHT: f32 = 2.0;
 const POSITION_WEIGHT: f32 = 1.0;
@@ -214,8 +214,8 @@ fn components(patches_np: &Tensor<2>, n_features: usize, k: usize) -> (Vec<f32>,
     (weight, bias)
 }
 
-/// What gives patches back from their latents with the least squared error: the weight, `[k, p]`, and the
-/// bias of x = z·weight + bias.
+/// The least-squares reconstruction of patches from latents: the weight, `[k, p]`, and the bias of
+/// x = z·weight + bias.
 fn line(latents_nk: &Tensor<2>, patches_np: &Tensor<2>) -> (Vec<f32>, Vec<f32>) {
     let [n, k] = latents_nk.dims();
     let mean_1p = patches_np.clone().mean_dim(0);
@@ -230,7 +230,7 @@ fn line(latents_nk: &Tensor<2>, patches_np: &Tensor<2>) -> (Vec<f32>, Vec<f32>) 
     (solve(moments, host(products_kp), k), bias)
 }
 
-/// Rows at a time, so that no second copy of all patches is held.
+/// Rows at a time, to avoid a second copy of all patches.
 fn parts(rows: &Tensor<2>) -> impl Iterator<Item = Tensor<2>> {
     let n = rows.dims()[0];
     let part = move |start| rows.clone().narrow(0, start, PART.min(n - start));

@@ -1,4 +1,4 @@
-//! [`WindowPool`]: training clips held in memory, and random windows of them.
+//! [`WindowPool`]: training clips in memory, and random windows of them.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -19,11 +19,11 @@ use crate::spec::{TokenizerLoss, TokenizerSpec};
 
 /// Normalised clips.
 ///
-/// A procedural source makes a clip anew each time it is asked, so windows are cut from clips
-/// that were asked for once.
+/// A procedural source regenerates a clip at each access, so windows are cut from clips that are generated
+/// once.
 pub struct WindowPool {
     clips: Vec<Vec<f32>>,
-    /// The index of each in the training split; an image has that of its original.
+    /// The index of each in the training split; a mirror image has its original's.
     origins: Vec<usize>,
     n_features: usize,
     /// Frames up to and with each clip, if clips are drawn by their frames, and some are shorter than a
@@ -68,7 +68,7 @@ impl WindowPool {
         Ok(Self { clips, origins, n_features, frames_upto })
     }
 
-    /// Writes all clips as one file of columns, with what undoes their normalisation.
+    /// Writes all clips as one file of columns, with the statistics of their normalisation.
     ///
     /// # Errors
     /// [`FileError::Write`].
@@ -89,8 +89,7 @@ impl WindowPool {
         write(path, &columns, HashMap::new())
     }
 
-    /// `n` windows of `n_frames` frames, those of `spec.training.window` at most: a random clip, then a
-    /// random start.
+    /// `n` windows of `n_frames` frames, at most `spec.training.window`: a random clip, then a random start.
     pub fn windows(&self, n: usize, n_frames: usize, rng: &mut ChaCha8Rng) -> Windows {
         let mut values = Vec::with_capacity(n * n_frames * self.n_features);
         let mut visible = Vec::with_capacity(n * n_frames);
@@ -123,8 +122,8 @@ impl WindowPool {
         (index, &clip[start..start + taken * self.n_features])
     }
 
-    /// Patches of `frames` frames, `frames·f` values each, spread evenly over all clips: `most` at most.
-    /// Those of a clip begin at its start, and once more half a patch later.
+    /// At most `most` patches of `frames` frames, `frames·f` values each, spread evenly over all clips. Patches of a clip
+    /// start at its start, and again half a patch later.
     pub fn patches(&self, frames: usize, most: usize) -> impl Iterator<Item = &[f32]> {
         let size = frames * self.n_features;
         let all = self.n_patches(frames);
@@ -135,7 +134,7 @@ impl WindowPool {
         patches.enumerate().filter(move |(at, _)| taken(at)).map(|(_, patch)| patch)
     }
 
-    /// How many patches of `frames` frames there are.
+    /// The number of patches of `frames` frames.
     pub fn n_patches(&self, frames: usize) -> usize {
         self.halves(frames).map(|part| part.len() / (frames * self.n_features)).sum()
     }

@@ -71,7 +71,7 @@ pub fn text_of(source: &dyn MotionSource, dim: usize) -> TextStore {
     TextStore::open(&path).unwrap()
 }
 
-/// Width of a word's vector where a spec below has language.
+/// Width of a word's vector in specs with language.
 pub const D_TEXT: usize = 6;
 
 /// A spec that trains in a moment.
@@ -138,7 +138,7 @@ pub fn transformer_spec(
     }
 }
 
-/// The same with another quantizer, and other steps.
+/// The same with another quantizer and number of steps.
 pub fn spec_of(quantizer: QuantizerSpec, steps: usize) -> TokenizerSpec {
     let mut spec = TokenizerSpec { quantizer, ..small_spec() };
     spec.training.steps = steps;

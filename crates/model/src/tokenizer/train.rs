@@ -28,16 +28,15 @@ use crate::spec::{TokenizerLoss, TokenizerSpec, TokenizerTraining};
 /// The stream of a seed from which windows are drawn.
 const WINDOWS_STREAM: u64 = 1;
 
-/// The streams of a seed from which captions, and what is dropped, are drawn: one a step.
+/// The streams of a seed for captions and dropout: one per step.
 const CAPTIONS_STREAMS: u64 = 1 << 40;
 const NOISE_STREAMS: u64 = 2 << 40;
 
-/// Trains a tokenizer on the training split of `corpus`, from its checkpoint where there is one.
+/// Trains a tokenizer on the training split of `corpus`, from its checkpoint if there is one.
 ///
 /// # Errors
-/// If the spec is unusable, the captions that it wants are missing, no clip holds a window, a clip cannot
-/// be read, the loss stops being a number, a checkpoint is damaged or cannot be written, or `progress` asks
-/// for an end.
+/// The spec is unusable, required captions are missing, no clip is as long as a window, a clip cannot be read, the loss
+/// is not a number, a checkpoint is damaged or cannot be written, or `progress` asks for an end.
 pub fn train(
     spec: &TokenizerSpec,
     corpus: &Corpus,
@@ -48,7 +47,7 @@ pub fn train(
     Ok(train_watched(spec, corpus, device, checkpoints, progress)?.0)
 }
 
-/// [`train`], with what was measured on the validation split; nothing where the spec has no plateau.
+/// [`train`], with the results on the validation split; empty if the spec has no plateau.
 ///
 /// # Errors
 /// As there.
@@ -76,7 +75,7 @@ struct Reconstructing<'a> {
     captions: Option<ReadCaptions<'a>>,
     module: TokenizerModule,
     average: Option<Average>,
-    /// `None` where all steps are taken and the last weights kept.
+    /// `None` if all steps are taken and the last weights kept.
     watch: Option<Watch<'a>>,
     /// `None` for the loss in features.
     joints: Option<JointLoss>,
@@ -124,7 +123,7 @@ impl<'a> Reconstructing<'a> {
         windows
     }
 
-    /// Frames of the windows of a step: drawn, where an architecture wants to know all lengths.
+    /// Frames of the windows of a step: random, if the architecture needs all lengths.
     fn window_frames(&mut self) -> usize {
         let (window, stride) =
             (self.spec.training.window, self.spec.architecture.frames_per_latent());
@@ -206,8 +205,8 @@ impl Learner for Reconstructing<'_> {
         self.watch.as_ref().is_some_and(Watch::is_over)
     }
 
-    /// Numbers drawn for windows, as text, since they have 68 bits; what the quantizer keeps; the averaged
-    /// weights, and the best ones.
+    /// The position in the random numbers of windows, as text, since it has 68 bits; the state of the quantizer; the
+    /// averaged weights, and the best ones.
     fn keep(&self) -> LearnerState {
         let LearnerState { note, mut tensors } = self.module.quantizer.keep();
         let mut note = json!({ DRAWN: self.draws.get_word_pos().to_string(), QUANTIZER: note });
@@ -233,7 +232,7 @@ impl Learner for Reconstructing<'_> {
     }
 }
 
-/// Tensors under names of their own.
+/// Tensors under separate names.
 fn named(prefix: &str, tensors: Sources) -> impl Iterator<Item = (String, Source)> {
     tensors.into_iter().map(move |(name, tensor)| (format!("{prefix}{name}"), tensor))
 }
@@ -296,7 +295,7 @@ pub struct Handover {
     pub files: HandoverFiles,
 }
 
-/// Where a trainer leaves and finds what is not a part of the spec.
+/// The paths of a trainer's files other than the spec.
 #[derive(Clone, Debug, Serialize)]
 pub struct HandoverFiles {
     /// The embedded captions; `null` if the tokenizer has no language.

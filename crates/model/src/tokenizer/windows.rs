@@ -1,4 +1,4 @@
-//! What a training step sees: [`Windows`], and bodies of several clips in one of them.
+//! The input of a training step: [`Windows`], and bodies mixed from several clips.
 
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ use crate::motion::{POSITIONS, ROTATIONS, VELOCITIES};
 /// Windows of one length.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Windows {
-    /// Normalised, row-major `[n, n_frames, f]`; where a clip has ended, its last frame again.
+    /// Normalised, row-major `[n, n_frames, f]`; beyond the end of a clip, its last frame.
     pub values: Vec<f32>,
     /// Whether a frame is one of the clip's own, `[n, n_frames]`.
     pub visible: Vec<bool>,
@@ -31,10 +31,10 @@ impl Windows {
     }
 }
 
-// The upper body, or an arm, of another window: a few hours of motion hold few combinations of what legs
-// and arms do; a tokenizer that has seen the parts apart generalises better.
+// The upper body, or an arm, of another window: a few hours of motion have few combinations of leg and arm movements; a
+// tokenizer trained on mixed parts generalises better.
 
-/// A part of the body, and the joint that it hangs from.
+/// A part of the body, and its parent joint.
 struct Part {
     joints: &'static [usize],
     /// 0 is the root.
@@ -64,7 +64,7 @@ fn rotation(joint: usize) -> Range<usize> {
     start..start + 6
 }
 
-/// How often windows are mixed.
+/// Probabilities of mixing.
 #[derive(Clone, Copy, Debug)]
 pub struct Mixing {
     /// Chance of another window's upper body.
@@ -105,8 +105,8 @@ fn permutation(n: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
 }
 
 impl Part {
-    /// Puts the part of one frame onto another: its rotations, and its positions and velocities about
-    /// the joint that it hangs from; of frames without rotations and velocities its positions.
+    /// Copies the part of one frame onto another: its rotations, and its positions and velocities relative to the parent
+    /// joint; without rotations and velocities only its positions.
     fn graft(&self, to: &mut [f32], from: &[f32], std: &[f32]) {
         let place = (self.hangs_from > 0).then(|| offset(to, from, std, position(self.hangs_from)));
         for &joint in self.joints {
@@ -123,7 +123,7 @@ impl Part {
     }
 }
 
-/// How far apart a joint is in two frames, in its own unit.
+/// Distance of a joint between two frames, in the unit of its features.
 fn offset(to: &[f32], from: &[f32], std: &[f32], columns: Range<usize>) -> [f32; 3] {
     std::array::from_fn(|i| {
         let column = columns.start + i;

@@ -26,7 +26,7 @@ impl ClipFile {
     }
 }
 
-/// What one file of a clip holds.
+/// The content of one file of a clip.
 type Held<T> = Result<(T, UsedFile), String>;
 
 /// Reads the motion of a clip of `fps` frames a second and `texts/<id>.txt` in `root`: the clip if it can be used at all, and a sentence
@@ -84,12 +84,12 @@ fn read(root: &Path, name: &str) -> Result<Vec<u8>, String> {
 
 // Items.
 
-/// Which lengths are used.
+/// The lengths that are used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LengthRule {
     /// Clips and parts with fewer frames are left out.
     pub min_frames: usize,
-    /// Longest item; what exceeds it after cropping to a multiple of 4 is left out.
+    /// Longest item; items that exceed it after cropping to a multiple of 4 are left out.
     pub max_frames: usize,
 }
 
@@ -104,8 +104,8 @@ impl LengthRule {
     /// Length of the item made of `n_frames`: the next lower multiple of 4.
     ///
     /// # Errors
-    /// A clause that says what is wrong if there are fewer frames than the smallest number, or
-    /// still more than the largest after cropping.
+    /// A clause on the problem, if there are fewer frames than the smallest number, or more than the largest after
+    /// cropping.
     fn crop(self, n_frames: usize) -> Result<usize, String> {
         let cropped = n_frames - n_frames % UNIT_FRAMES;
         let fewest = self.min_frames.max(UNIT_FRAMES);

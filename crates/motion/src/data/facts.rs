@@ -68,8 +68,8 @@ impl DataFacts {
 /// Clips whose captions are looked at, spread over the split.
 const CAPTIONED: usize = 1 << 12;
 
-/// Clips that are looked at one by one; larger splits are estimated from as many. A generated clip must be
-/// sketched to know its length: a hundred million would take minutes.
+/// Clips that are examined one by one; larger splits are estimated from as many. A generated clip must be sketched to
+/// know its length: a hundred million would take minutes.
 const SAMPLED: usize = 1 << 18;
 
 /// Groups of the test split.
@@ -78,14 +78,14 @@ pub fn test_groups(source: &dyn MotionSource) -> usize {
     groups.collect::<BTreeSet<_>>().len()
 }
 
-// How much a data set holds.
+// The size of a data set.
 
 /// Frames of a bin of the histogram of lengths.
 pub const LENGTH_BIN: usize = 20;
 /// Words of a bin of the histogram of captions.
 pub const WORDS_BIN: usize = 5;
 
-/// What a split, or all of them, hold.
+/// The size of a split, or of all.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Tally {
     pub clips: usize,
@@ -159,14 +159,14 @@ fn tally(data: &dyn MotionSource, splits: &[Split]) -> Tally {
     tally
 }
 
-// All that is wrong with a folder, and what is odd about it.
+// Problems of a folder, and oddities.
 
 /// What a look at every file found.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Checked {
-    /// Sentences about what cannot be used.
+    /// Sentences about unusable items.
     pub problems: Vec<String>,
-    /// Sentences about what can be used and is odd.
+    /// Sentences about odd but usable items.
     pub remarks: Vec<String>,
 }
 
@@ -176,7 +176,7 @@ pub fn check_folder(path: &Path) -> Checked {
         |broken| HumanMl3dOptions { broken, look_at_all: true, ..HumanMl3dOptions::default() };
     let open = |broken| HumanMl3d::open(path, &options(broken));
     let (problems, data) = match open(BrokenFiles::Refuse) {
-        // What is sound among broken files is looked at too.
+        // Sound clips among broken files are examined too.
         Err(DataError::Broken { problems, .. }) => (problems, open(BrokenFiles::Skip)),
         data => (Vec::new(), data),
     };

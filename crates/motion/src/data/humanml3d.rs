@@ -28,11 +28,11 @@ pub struct HumanMl3dOptions {
     /// Whether each training clip `<id>` is joined by its mirror image `M<id>`: from the data
     /// set's own files if it has them, listed or not; by [`mirror_features`] if not.
     pub mirror: bool,
-    /// What to do about broken files and lines.
+    /// The treatment of broken files and lines.
     pub broken: BrokenFiles,
-    /// Which lengths are used.
+    /// The lengths that are used.
     pub lengths: LengthRule,
-    /// Frames a second, where the folder does not say it.
+    /// Frames per second, if the folder does not store it.
     pub fps: Option<f64>,
     /// Whether every clip is looked at for what is odd, in place of a sample of them.
     pub look_at_all: bool,
@@ -51,9 +51,8 @@ pub struct HumanMl3d {
 impl HumanMl3d {
     /// Reads the data set in the folder `path`.
     ///
-    /// Files are read in parallel; what comes out does not depend on how many threads there are.
-    /// `Mean.npy` and `Std.npy` are taken as they are, or computed from the training items if
-    /// neither is there.
+    /// Files are read in parallel; the result does not depend on the number of threads. `Mean.npy` and `Std.npy` are used
+    /// if present, otherwise computed from the training items.
     ///
     /// # Errors
     /// [`DataError`] if a split file or a folder is missing, if `Mean.npy` or `Std.npy` is wrong,
@@ -131,7 +130,7 @@ impl MotionSource for HumanMl3d {
     }
 }
 
-/// What became of the clips that were read: those that are used, and the items made of them.
+/// The clips that were read: used ones, and their items.
 #[derive(Default)]
 struct Library {
     /// Features of each clip that some item refers to, `[T, 263]`.
@@ -173,7 +172,7 @@ impl Library {
         if item.mirrored { mirror_features(rows) } else { rows.to_vec() }
     }
 
-    /// The folder's statistics with their files, or those of the training items.
+    /// The folder's statistics with their files, or computed from the training items.
     fn stats(&self, path: &Path) -> Result<(FeatureStats, Vec<UsedFile>), DataError> {
         if let Some((stats, files)) = read_stats(path)? {
             return Ok((stats, files.to_vec()));
@@ -268,8 +267,8 @@ fn twins(wanted: &mut [Wanted], loaded: &[(Option<ClipFile>, Vec<String>)]) -> V
 
 /// What the items follow from beside the files; its first word changes when the rules do.
 ///
-/// What is done about broken files is left out: if nothing is broken it changes no item, and if
-/// something is, no data set comes of refusing it.
+/// The treatment of broken files is left out: it changes no item if nothing is broken, and refusing gives no data
+/// set.
 fn rules(options: &HumanMl3dOptions, motion: MotionFiles, fps: f64) -> String {
     let HumanMl3dOptions { mirror, lengths, broken: _, fps: _, look_at_all: _ } = options;
     let LengthRule { min_frames, max_frames } = lengths;

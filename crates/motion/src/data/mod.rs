@@ -51,7 +51,7 @@ use other_sources::NoMotion;
 /// Clips looked at to estimate the tokens of an average one.
 const SAMPLE: usize = 256;
 
-/// Opens what a sweep asks for; `demand` is that of its longest run, for `clips: auto`.
+/// Opens the data of a sweep; `demand` of its longest run is for `clips: auto`.
 ///
 /// # Errors
 /// The data cannot be read, or cannot be used.

@@ -1,4 +1,4 @@
-//! Motion from files: how a folder holds it and at how many frames a second, and one motion from one file.
+//! Motion from files: how a folder holds it and at how many frames per second, and one motion from one file.
 
 use std::io::ErrorKind;
 use std::ops::RangeInclusive;
@@ -14,20 +14,20 @@ use crate::motion::bvh::Bvh;
 use crate::motion::retarget::Stance;
 use crate::motion::{JOINT_NAMES, N_FEATURES, N_JOINTS, Pose, build_features_at, recover_joints};
 
-/// What the motion files of a folder hold.
+/// The content of a folder's motion files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MotionFiles {
     pub folder: &'static str,
     /// The shape of each, in words.
     shape: &'static str,
-    /// What the digest of a data set says of them; changes when features follow in another way.
+    /// Their word in the digest of a data set; changes with the computation of features.
     pub rule: &'static str,
 }
 
 impl MotionFiles {
     /// `[T, 263]`.
     pub const FEATURES: Self = Self { folder: "new_joint_vecs", shape: "[frames, 263]", rule: "" };
-    /// The same, as Motion-X has it.
+    /// The same, in Motion-X's layout.
     pub const MOTION_X: Self = Self { folder: "vector_263", ..Self::FEATURES };
     /// `[T + 1, 22, 3]`, metres, y up.
     pub const JOINTS: Self = Self {
@@ -36,7 +36,7 @@ impl MotionFiles {
         rule: " joints-1",
     };
 
-    /// Those of the folder `root`; features where it has both.
+    /// The files of the folder `root`; features if it has both.
     pub fn of(root: &Path) -> Option<Self> {
         [Self::FEATURES, Self::MOTION_X, Self::JOINTS]
             .into_iter()
@@ -80,26 +80,25 @@ fn poses(values: &[f32]) -> Vec<Pose> {
     values.chunks_exact(N_JOINTS * 3).map(pose).collect()
 }
 
-// Frames a second of a folder.
+// Frames per second of a folder.
 
-/// Frames a second of HumanML3D's files.
+/// Frames per second of HumanML3D's files.
 pub const FPS: f64 = 20.0;
-/// Frames a second of Motion-X's files, which are not resampled.
+/// Frames per second of Motion-X's files, which are not resampled.
 const MOTION_X: f64 = 30.0;
-/// What an import says of the folder that it wrote.
+/// The facts that an import stored in the folder.
 const IMPORT: &str = "import.json";
 
-/// What is read of it; a file of that name that somebody else wrote says nothing.
+/// The part that is read; a file of that name by another program is ignored.
 #[derive(Deserialize)]
 struct Import {
     fps: Option<f64>,
 }
 
-/// Frames a second of the files in `root`: those that its import wrote down, those `told`, or those of the
-/// layout.
+/// Frames per second of the files in `root`: stored by its import, `told`, or the layout's.
 ///
 /// # Errors
-/// The import's words cannot be read, or say something else than is told.
+/// The import's file cannot be read, or contradicts `told`.
 pub fn frame_rate(root: &Path, files: MotionFiles, told: Option<f64>) -> Result<f64, DataError> {
     let by_layout = if files == MotionFiles::MOTION_X { MOTION_X } else { FPS };
     match (imported(root)?, told) {
@@ -120,7 +119,8 @@ fn imported(root: &Path) -> Result<Option<f64>, DataError> {
     };
     let import: Import = serde_json::from_str(&text).map_err(|error| invalid(error.to_string()))?;
     match import.fps {
-        Some(fps) if !(fps.is_finite() && fps > 0.0) => {
+        // Numbers that single precision holds.
+        Some(fps) if !(1e-6..=1e6).contains(&fps) => {
             Err(invalid(format!("{fps} frames a second are no rate")))
         }
         fps => Ok(fps),
@@ -129,11 +129,11 @@ fn imported(root: &Path) -> Result<Option<f64>, DataError> {
 
 // One motion from one file: features, joints, or BVH.
 
-/// How far the frames a second of a file may be from a multiple of those wanted, as a share.
+/// Relative tolerance of a file's rate from a multiple of the requested one.
 const FPS_TOLERANCE: f64 = 0.01;
 
 /// Features of the motion in a file, row-major `[T, 263]` with T ≥ 1, not normalised, at `fps`
-/// frames a second.
+/// frames per second.
 ///
 /// - `.npy` with `[T, 263]`: HumanML3D features, as they are, taken to be at that rate;
 /// - `.npy` with `[T + 1, 22, 3]`: places of the joints in metres, y up, likewise;

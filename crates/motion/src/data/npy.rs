@@ -44,6 +44,9 @@ pub enum NpyProblem {
 /// [`NpyProblem`] for another type, Fortran order, a length that does not fit the shape, and
 /// numbers that are not finite in single precision.
 pub fn parse_npy(bytes: &[u8]) -> Result<NpyArray, NpyProblem> {
+    if header_bytes(bytes) > LONGEST_HEADER {
+        return Err(NpyProblem::Header("its header is too long".to_string()));
+    }
     let mut data = bytes;
     let header =
         NpyHeader::from_reader(&mut data).map_err(|error| NpyProblem::Header(error.to_string()))?;
@@ -55,13 +58,25 @@ pub fn parse_npy(bytes: &[u8]) -> Result<NpyArray, NpyProblem> {
         "'<f8'" => numbers(data, header.shape(), |eight| f64::from_le_bytes(eight) as f32)?,
         other => return Err(NpyProblem::Kind(other.to_owned())),
     };
-    // Lengths agree, so that no axis of a non-empty array is too large; an empty one is refused
-    // by whoever asks for a shape.
+    // Lengths agree, so no axis of a non-empty array is too large; an empty array is refused by the check of its
+    // shape.
     let shape: Vec<usize> =
         header.shape().iter().map(|&n| usize::try_from(n).unwrap_or(usize::MAX)).collect();
     match values.iter().position(|value| !value.is_finite()) {
         Some(index) => Err(NpyProblem::NotFinite { position: position(index, &shape) }),
         None => Ok(NpyArray { shape, values }),
+    }
+}
+
+/// Bytes of a header: a type and a shape. What reads it takes memory for as many as a file claims.
+const LONGEST_HEADER: usize = 1024;
+
+/// The length of the header, which stands behind eight bytes, in two or, from version 2 on, four.
+fn header_bytes(bytes: &[u8]) -> usize {
+    match bytes.strip_prefix(b"\x93NUMPY").unwrap_or_default() {
+        [1, _, a, b, ..] => u16::from_le_bytes([*a, *b]).into(),
+        [_, _, a, b, c, d, ..] => u32::from_le_bytes([*a, *b, *c, *d]) as usize,
+        _ => 0,
     }
 }
 

@@ -13,7 +13,7 @@ use crate::motion::{Pose, build_features};
 /// Clips of the training stream from which mean and deviation are estimated.
 const STATS_CLIPS: usize = 256;
 
-/// How many clips, and of which seed.
+/// The number of clips, and the seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ProceduralOptions {
     /// Different seeds give different clips throughout.
@@ -23,11 +23,11 @@ pub struct ProceduralOptions {
     pub test_clips: usize,
 }
 
-/// Clips made on demand: clip `i` of a split follows from the seed, the split and `i` alone.
+/// Clips made on demand: clip `i` of a split depends only on the seed, the split and `i`.
 ///
-/// Nothing is stored, so a split may hold millions of clips; more of them leave the first ones
-/// as they are. Mean and deviation are those of the first 256 clips of the training stream,
-/// whether `train_clips` reaches that far or not: they depend on the seed only.
+/// Nothing is stored, so a split may have millions of clips; more clips leave the first ones unchanged. Mean and
+/// deviation are computed from the first 256 clips of the training stream, even beyond `train_clips`: they depend only
+/// on the seed.
 #[derive(Clone, Debug)]
 pub struct Procedural {
     options: ProceduralOptions,
@@ -85,7 +85,7 @@ impl MotionSource for Procedural {
     }
 }
 
-/// Each clip has a stream of its own: the split in the upper bits, the index in the lower.
+/// Each clip has its own stream: the split in the upper bits, the index in the lower.
 fn script(seed: u64, split: Split, index: usize) -> Script {
     let upper = split as u64 + 1;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -103,8 +103,8 @@ fn estimate_stats(seed: u64) -> FeatureStats {
 
 // Several data sets as one.
 
-/// Several data sets as one: each split is the members' own, one after another, and mean and deviation
-/// are those of all training clips, each frame counting alike.
+/// Several data sets as one: each split concatenates the members' splits, and mean and deviation are over all training
+/// clips, each frame with equal weight.
 pub struct Union {
     members: Vec<Member>,
     metadata: Metadata,
@@ -200,7 +200,7 @@ impl MotionSource for Union {
     }
 }
 
-/// Of the training clips of all members.
+/// Over the training clips of all members.
 fn stats(members: &[Member]) -> Result<FeatureStats, DataError> {
     let mut accumulator = StatsAccumulator::default();
     for Member { source, .. } in members {
@@ -218,7 +218,7 @@ fn stats(members: &[Member]) -> Result<FeatureStats, DataError> {
 pub struct NoMotion(Metadata);
 
 impl Default for NoMotion {
-    /// At HumanML3D's frames a second, for losses a second.
+    /// At HumanML3D's frames per second, for losses a second.
     fn default() -> Self {
         Self(Metadata { fps: 20.0, digest: "none".to_string(), ..Metadata::default() })
     }

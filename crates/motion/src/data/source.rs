@@ -1,4 +1,4 @@
-//! [`MotionSource`]: what every source of motion offers to tokenizers and trainers; the mean and deviation of its
+//! [`MotionSource`]: the interface of every source of motion to tokenizers and trainers; the mean and deviation of its
 //! features, and its digest.
 
 use std::fmt::Display;
@@ -17,7 +17,7 @@ use crate::motion::N_FEATURES;
 /// Clips come in multiples of so many frames, as the public loaders of HumanML3D crop them.
 pub const UNIT_FRAMES: usize = 4;
 
-/// Which part of a data set.
+/// A split of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Split {
@@ -45,7 +45,7 @@ pub struct FeatureStats {
     pub std: Vec<f32>,
 }
 
-/// What holds for all clips of a source; see [`MotionSource`].
+/// The facts shared by all clips of a source; see [`MotionSource`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Metadata {
     pub stats: FeatureStats,
@@ -55,13 +55,13 @@ pub struct Metadata {
     pub remarks: Vec<String>,
 }
 
-/// What can be wrong with a data set.
+/// The errors of a data set.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// A file could not be read.
     #[error("cannot read {path}: {source}; {advice}")]
     Read { path: String, source: io::Error, advice: &'static str },
-    /// A file was read and is not what it should be.
+    /// A file was read, but is invalid.
     #[error("{path}: {problem}")]
     Invalid { path: String, problem: String },
     /// Nothing is left to train or test on.
@@ -77,7 +77,7 @@ pub enum DataError {
 }
 
 impl DataError {
-    /// What stands at `path` is not what it should be.
+    /// The item at `path` is invalid.
     pub(super) fn invalid(path: impl Display, problem: impl Into<String>) -> Self {
         Self::Invalid { path: path.to_string(), problem: problem.into() }
     }
@@ -98,8 +98,8 @@ impl DataError {
 
 /// A set of clips, each with features and captions, addressed by split and index.
 ///
-/// Clips are items after every rule of cropping, sub-captions and mirroring has been applied:
-/// index `i` always means the same frames and the same captions, whoever asks and in any order.
+/// Clips are items after cropping, sub-captions and mirroring: index `i` always means the same frames and captions, in
+/// any order of access.
 pub trait MotionSource: Sync {
     /// Number of clips in `split`.
     fn n_clips(&self, split: Split) -> usize;
@@ -115,8 +115,8 @@ pub trait MotionSource: Sync {
         splits.iter().flat_map(of).collect()
     }
 
-    /// What was recorded at one time, or by one performer: clips of a group are alike, those of several are
-    /// not. Each clip is its own unless the source knows more.
+    /// Clips recorded at one time, or by one performer: clips of a group are similar. By default each clip is its own
+    /// group.
     fn group(&self, split: Split, index: usize) -> String {
         self.clip_id(split, index)
     }
@@ -130,7 +130,7 @@ pub trait MotionSource: Sync {
     /// Raw (not normalised) features, row-major `[n_frames, N_FEATURES]`.
     fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError>;
 
-    /// What holds for all clips.
+    /// The facts shared by all clips.
     fn metadata(&self) -> &Metadata;
 
     /// Mean and deviation over the training split.
@@ -168,7 +168,7 @@ pub trait MotionSource: Sync {
 pub struct Member {
     /// Its name in messages.
     pub name: String,
-    /// The terms of its use, where they were given.
+    /// Its licence, if given.
     pub licence: Option<String>,
     pub source: Box<dyn MotionSource>,
 }
@@ -180,12 +180,12 @@ pub struct Member {
 pub const FEATURE_GROUPS: [Range<usize>; 7] =
     [0..1, 1..3, 3..4, 4..67, 67..193, 193..259, 259..263];
 
-/// Deviations from the mean, on the mean over all features, beyond which features are not of the data that mean
+/// Deviations from the mean, on average over all features, beyond which features are not of the data that mean
 /// and deviation are of; those have about 0.7.
 pub const FAR: f64 = 5.0;
 
 impl FeatureStats {
-    /// How many deviations features, `[T, 263]` row-major, are from their mean, on the mean.
+    /// Mean distance of features, `[T, 263]` row-major, from their mean, in standard deviations.
     pub fn deviations(&self, features: &[f32]) -> f64 {
         let columns = self.mean.iter().zip(&self.std).cycle();
         let each = features.iter().zip(columns);
@@ -273,7 +273,7 @@ fn read_row(root: &Path, name: &str) -> Result<(Vec<f32>, UsedFile), DataError> 
     Ok((row, UsedFile::new(name, &bytes)))
 }
 
-// The digest of a data set: what its clips follow from, and nothing of where it lies.
+// The digest of a data set: the content of its clips, independent of the path.
 
 /// A file that took part in making the clips.
 #[derive(Clone, Debug)]

@@ -10,7 +10,7 @@ use crate::files::read_text;
 
 // Lines of a caption file: `caption#tokens#from#to`.
 
-/// What one line says about a clip.
+/// One line about a clip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Annotation {
     /// The caption, lower-case, with single spaces.
@@ -25,7 +25,7 @@ pub enum CaptionProblem {
     /// Neither a caption alone nor all four fields.
     #[error("has {0} fields between `#`; write `caption#tokens#from#to`, or the caption alone")]
     Fields(usize),
-    /// Nothing stands before the first `#`.
+    /// The text before the first `#` is empty.
     #[error("has no caption")]
     NoCaption,
     /// A time is not a number.
@@ -106,11 +106,11 @@ pub struct SplitLists {
 
 /// Reads the three split files in `root`.
 ///
-/// A name in two splits is kept where it hurts least: in test before val, in val before train.
+/// A name in two splits is kept in the safest one: test before val, val before train.
 ///
 /// # Errors
-/// [`DataError::Read`] if one of the files is not there or not UTF-8. Lines that are no names,
-/// and names that stand twice, are not errors: they are listed in `problems`.
+/// [`DataError::Read`] if one of the files is missing or not UTF-8. Invalid lines and repeated names are not errors:
+/// they are listed in `problems`.
 pub fn read_splits(root: &Path, in_folders: bool) -> Result<SplitLists, DataError> {
     let advice = "a data set needs train.txt, val.txt and test.txt";
     let unwanted = if in_folders { "ending" } else { "folder and ending" };
@@ -164,10 +164,10 @@ fn is_name(line: &str, in_folders: bool) -> bool {
 pub struct Groups(HashMap<String, String>);
 
 impl Groups {
-    /// Of the folder `path`; none without a manifest, or without its column `group`.
+    /// The groups of the folder `path`; `None` without a manifest, or without its column `group`.
     ///
     /// # Errors
-    /// A sentence: there is a manifest that cannot be read.
+    /// A sentence: the manifest cannot be read.
     pub fn read(path: &Path) -> Result<Self, String> {
         match read_text(&path.join("manifest.csv")) {
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(Self::default()),
@@ -187,8 +187,8 @@ impl Groups {
         Ok(Self(rows.records().map(|row| row.map(pair)).collect::<Result<_, _>>()?))
     }
 
-    /// The group of the clip of a stem; its own where the folder says none. A mirrored clip, `M000012`, is of
-    /// the group of the clip that it is the image of.
+    /// The group of a clip by stem; its own if the folder has none. A mirrored clip, `M000012`, belongs to the group of its
+    /// original.
     pub fn of(&self, stem: &str) -> String {
         let (folder, name) = stem.split_at(stem.rfind('/').map_or(0, |at| at + 1));
         let twin =

@@ -72,7 +72,7 @@ pub(crate) fn lowest(poses: &[Pose]) -> f32 {
 
 /// Metres that a canonical clip may be off the origin and the floor.
 const AT_ORIGIN: f32 = 1e-3;
-/// Radians that its first body may face beside +z.
+/// Tolerance of the first facing direction from +z, radians.
 const FACING: f64 = 1e-3;
 
 /// Whether `poses` are as [`canonicalise`] leaves them, to a millimetre and a milliradian: places that were
@@ -131,8 +131,8 @@ fn write_positions(columns: &mut [f32], pose: &Pose, heading: Yaw) {
 /// Rotations by inverse kinematics from positions: `R_b = R_a⁻¹ R(o_b → p_b − p_a)` along each
 /// chain, and `q_t` before its first bone, for the arms too, though they hang from joint 9.
 ///
-/// As `q_t` turns the room to the body and not the body to the room, the first rotation of a chain
-/// is not the body's own; HumanML3D's files are made so, and only its own kinematics undo it.
+/// `q_t` turns the room to the body, not the body to the room, so the first rotation of a chain is not the body's; this
+/// follows HumanML3D's files, and only its own kinematics undo it.
 fn write_rotations(columns: &mut [f32], pose: &Pose, heading: Yaw) {
     for chain in CHAINS {
         let mut parent = heading.quat();

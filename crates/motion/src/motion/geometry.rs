@@ -204,9 +204,9 @@ const SQUARINGS: usize = 24;
 ///
 /// The quaternion is an eigenvector to the largest eigenvalue of a 4 × 4 matrix of the vectors'
 /// products (Horn 1987, "Closed-form solution of absolute orientation using unit quaternions").
-/// `prior` is projected onto the space of those eigenvectors: where the vectors leave the rotation
-/// open, as vectors on one line or without length do, the open part is that of `prior`. The sign is
-/// that of `prior` too, so that rotations of neighbouring frames are neighbours.
+/// `prior` is projected onto the space of those eigenvectors: if the vectors do not determine the rotation (they lie on
+/// one line or have no length), the rest comes from `prior`. The sign also follows `prior`, so that rotations of
+/// neighbouring frames are close.
 ///
 /// # Panics
 /// If the slices differ in length.

@@ -29,7 +29,7 @@ const ROTATION_SIGNS: [f32; 6] = [1.0, -1.0, -1.0, -1.0, 1.0, 1.0];
 /// Features of the motion seen in a mirror: the x axis is reversed, left and right joints change
 /// places.
 ///
-/// It is what building features from mirrored joints gives, and it undoes itself exactly.
+/// It equals building features from mirrored joints, and is its own exact inverse.
 ///
 /// # Shapes
 /// Row-major `[T, 263]`, not normalised, to the same.
@@ -45,13 +45,13 @@ pub fn mirror_features(features: &[f32]) -> Vec<f32> {
     mirrored
 }
 
-/// What may follow a side in one word: `leftward`, `righthanded`.
+/// Suffixes of a side in one word: `leftward`, `righthanded`.
 const AFTER_A_SIDE: [&str; 24] = [
     "", "s", "y", "ie", "ward", "wards", "wardly", "most", "hand", "hands", "handed", "hander",
     "handers", "handedly", "foot", "footed", "footer", "arm", "armed", "leg", "legged", "side",
     "sided", "sides",
 ];
-/// What turns `clockwise` about, before it in one word or parted by `-` or a blank.
+/// Prefixes that reverse `clockwise`, in one word or separated by `-` or a space.
 const AGAINST: [&str; 3] = ["counter", "anti", "contra"];
 
 /// `caption` with the words `left` and `right` exchanged.
@@ -75,7 +75,7 @@ pub fn mirror_caption(caption: &str) -> String {
     mirrored
 }
 
-/// The letters and digits, or what stands between such words, at the beginning of a text; and the rest.
+/// Splits off the first word (letters and digits) or separator of a text, and the rest.
 fn word(text: &str) -> (&str, &str) {
     let in_word = text.starts_with(char::is_alphanumeric);
     text.split_at(text.find(|c: char| c.is_alphanumeric() != in_word).unwrap_or(text.len()))

@@ -1,4 +1,4 @@
-//! Features into joints, HumanML3D's `recover_from_ric`, and all features from those that tell the joints.
+//! Converts features into joints (HumanML3D's `recover_from_ric`), and completes features from joint positions.
 
 use super::features::{POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, ROOT_YAW, features_with_headings};
 use super::geometry::Yaw;
@@ -49,7 +49,7 @@ pub fn recover_body<const J: usize>(features: &[f32]) -> Vec<[[f32; 3]; J]> {
         .collect()
 }
 
-/// Where the root stands and faces in a frame.
+/// Position and facing of the root in a frame.
 struct Root {
     half_angle: f64,
     x: f64,

@@ -41,7 +41,7 @@ pub const R_SHOULDER: usize = 17;
 
 /// Kinematic chains: right leg, left leg, spine and head, right arm, left arm.
 ///
-/// Each chain starts from the root's rotation, also the two arms, which hang from joint 9.
+/// Each chain starts from the root's rotation, even the two arms, whose parent is joint 9.
 pub const CHAINS: [&[usize]; 5] = [
     &[0, 2, 5, 8, 11],
     &[0, 1, 4, 7, 10],
@@ -50,7 +50,7 @@ pub const CHAINS: [&[usize]; 5] = [
     &[9, 13, 16, 18, 20],
 ];
 
-/// Parent of each joint, which stands before it in its chain; only the pelvis has none.
+/// Parent of each joint, earlier in its chain; only the pelvis has none.
 pub const PARENTS: [Option<usize>; N_JOINTS] = {
     let mut parents = [None; N_JOINTS];
     let mut chain = 0;
@@ -92,9 +92,8 @@ pub const CONTACT_JOINTS: [usize; 4] = [7, 10, 8, 11];
 
 /// Mean distance in millimetres between the joints of two motions, pelvis on pelvis in each frame.
 ///
-/// `1000 / (T J) Σ_t Σ_j ‖(p_tj − p_t0) − (p̂_tj − p̂_t0)‖`, the pelvis, whose distance is zero,
-/// counted among the J = 22 joints. Where a body stands and which way it travels plays no part,
-/// which way it faces does.
+/// `1000 / (T J) Σ_t Σ_j ‖(p_tj − p_t0) − (p̂_tj − p̂_t0)‖`, with the pelvis, whose distance is zero, among the J = 22
+/// joints. Position and path of a body do not matter; its facing does.
 ///
 /// # Panics
 /// If the motions differ in length or hold no frame.

@@ -10,7 +10,7 @@ use super::FileError;
 /// How the name of a file that is not whole yet begins.
 pub const PARTIAL: &str = ".partial-";
 
-/// Removes what killed processes left half-written in `folder`; nobody may be writing there.
+/// Removes partial files of killed processes from `folder`; no process may be writing there.
 pub fn remove_partial(folder: &Path) -> Result<(), FileError> {
     if !folder.exists() {
         return Ok(());
@@ -25,7 +25,7 @@ pub fn remove_partial(folder: &Path) -> Result<(), FileError> {
     Ok(())
 }
 
-/// Removes a file, where it is there.
+/// Removes a file, if it exists.
 pub fn remove(path: &Path) -> Result<(), FileError> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(FileError::write(path)(error)),
@@ -33,11 +33,10 @@ pub fn remove(path: &Path) -> Result<(), FileError> {
     }
 }
 
-/// Writes `path` whole: into a temporary file beside it, flushed to disk, then renamed.
+/// Writes `path` atomically: a temporary file next to it is flushed to disk, then renamed.
 ///
-/// The parent folder is made where it is missing. Readers see the old file or the new one, never a
-/// part; a full disk leaves the old one as it was. A link is followed, a device or a pipe is written through, and a
-/// read-only file is left.
+/// A missing parent folder is made. Readers see the old file or the new one, never a part; a full disk keeps the old
+/// one. A link is followed, a device or a pipe is written through, and a read-only file is left unchanged.
 ///
 /// # Errors
 /// [`FileError::Write`].
@@ -48,7 +47,7 @@ pub fn write_whole(
     write(path, fill, File::sync_all).map_err(FileError::write(path))
 }
 
-/// What is done with what stands at a path.
+/// The treatment of an existing path.
 enum Standing {
     /// This file is replaced, or made: the one that a link leads to.
     Replaced(PathBuf),
@@ -137,7 +136,8 @@ pub fn write_json_unflushed(path: &Path, value: &impl serde::Serialize) -> Resul
     write(path, |file| file.write_all(text.as_bytes()), |_| Ok(())).map_err(failed)
 }
 
-fn json(value: &impl serde::Serialize) -> io::Result<String> {
+/// A value as [`write_json`] writes it.
+pub fn json(value: &impl serde::Serialize) -> io::Result<String> {
     let mut text = serde_json::to_string_pretty(value)?;
     text.push('\n');
     Ok(text)

@@ -1,4 +1,4 @@
-//! Files: written whole, by rename; mapped; read as JSON; set aside where they are damaged; TensorBoard's events.
+//! Files: written whole, by rename; of columns; read as JSON; set aside where they are damaged; TensorBoard's events.
 //!
 //! # Example
 //!
@@ -8,7 +8,7 @@
 //! let folder = tempfile::tempdir()?;
 //! let path = folder.path().join("budget.json");
 //! assert_eq!(read_if_there::<f64>(&path)?, None);
-//! atomic::write_json(&path, &1e18)?; // whole, by rename
+//! atomic::write_json(&path, &1e18)?; // renamed into place
 //! assert_eq!(read_if_there(&path)?, Some(1e18));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -26,9 +26,9 @@ use serde::de::DeserializeOwned;
 
 use crate::failure::FailureKind;
 
-// [`FileError`]: what hinders the use of a file.
+// [`FileError`]: why a file cannot be used.
 
-/// What hinders the use of a file.
+/// Why a file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// The system refuses to write it.
@@ -37,13 +37,13 @@ pub enum FileError {
     /// The system refuses to read it: this says nothing about the file, unless it is gone.
     #[error("cannot read {}: {source}", path.display())]
     Read { path: PathBuf, source: io::Error },
-    /// It was read, and is not what was written there.
+    /// It can be read, but is damaged.
     #[error("{} is damaged ({reason}); {advice}", path.display())]
     Damaged { path: PathBuf, reason: String, advice: &'static str },
+    /// It was what was written there, and another program changed it since.
+    #[error("{} changed while it was used, so nothing that followed from it counts", path.display())]
+    Changed { path: PathBuf },
 }
-
-/// How most files are mended.
-const REMOVE: &str = "remove it to have it made again";
 
 impl FileError {
     /// A write that the system refused.
@@ -56,13 +56,13 @@ impl FileError {
         move |source| Self::Read { path: path.to_path_buf(), source }
     }
 
-    /// A file that is not what was written there.
+    /// The error of a damaged file.
     pub fn damaged(path: &Path, reason: impl ToString) -> Self {
-        let (path, reason) = (path.to_path_buf(), reason.to_string());
-        Self::Damaged { path, reason, advice: REMOVE }
+        let advice = mended_by(path);
+        Self::Damaged { path: path.to_path_buf(), reason: reason.to_string(), advice }
     }
 
-    /// The same for a damaged file that is mended in another way.
+    /// The same for a damaged file with another remedy.
     pub fn with_advice(self, advice: &'static str) -> Self {
         match self {
             Self::Damaged { path, reason, .. } => Self::Damaged { path, reason, advice },
@@ -73,20 +73,23 @@ impl FileError {
     /// The file.
     pub fn path(&self) -> &Path {
         match self {
-            Self::Write { path, .. } | Self::Read { path, .. } | Self::Damaged { path, .. } => path,
+            Self::Write { path, .. }
+            | Self::Read { path, .. }
+            | Self::Damaged { path, .. }
+            | Self::Changed { path } => path,
         }
     }
 
-    /// Whether the reason lies in the file: it is there and wrong, or gone. What the system refuses
-    /// (memory, rights, a disk that fails) says nothing about it.
+    /// Whether the cause is the file itself: damaged or gone. Refusals of the system (memory, rights, a failing disk) are
+    /// not.
     pub fn is_damage(&self) -> bool {
         match self {
             Self::Damaged { .. } => true,
-            // Where the system gave no number, what was read could not be mapped.
+            // Without an error number of the system, mapping failed.
             Self::Read { source, .. } => {
                 source.kind() == io::ErrorKind::NotFound || source.raw_os_error().is_none()
             }
-            Self::Write { .. } => false,
+            Self::Write { .. } | Self::Changed { .. } => false,
         }
     }
 
@@ -94,6 +97,7 @@ impl FileError {
     pub fn failure_kind(&self) -> FailureKind {
         match self {
             Self::Damaged { .. } => FailureKind::Damaged,
+            Self::Changed { .. } => FailureKind::FilesChanged,
             Self::Write { source, .. } => match source.raw_os_error() {
                 // EPERM, EACCES.
                 Some(1 | 13) => FailureKind::ReadOnly,
@@ -105,7 +109,7 @@ impl FileError {
         }
     }
 
-    /// The file error among an error and what caused it.
+    /// The file error in an error's chain of causes.
     pub fn among<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a Self> {
         chain(error).find_map(|cause| {
             let inner = || cause.downcast_ref::<io::Error>()?.get_ref()?.downcast_ref::<Self>();
@@ -118,14 +122,14 @@ impl From<FileError> for io::Error {
     fn from(error: FileError) -> Self {
         let kind = match &error {
             FileError::Write { source, .. } | FileError::Read { source, .. } => source.kind(),
-            FileError::Damaged { .. } => io::ErrorKind::InvalidData,
+            FileError::Damaged { .. } | FileError::Changed { .. } => io::ErrorKind::InvalidData,
         };
         io::Error::new(kind, error)
     }
 }
 
 /// The kind of failure that an error of files or of the system means, through whatever wraps it;
-/// `None` where no such error is among its causes.
+/// `None` if no such error is among its causes.
 pub fn failure_kind(error: &(dyn Error + 'static)) -> Option<FailureKind> {
     let of_file = FileError::among(error).map(FileError::failure_kind);
     of_file.or_else(|| {
@@ -148,6 +152,8 @@ fn chain<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn 
 pub const SMALL: u64 = 64 << 20;
 /// Bytes of a motion or of a result.
 pub const LARGE: u64 = 2 << 30;
+/// Bytes of weights, which may be of any size.
+pub const ANY: u64 = u64::MAX - 1;
 
 /// The bytes of a regular file of `most` bytes at most; a link is followed.
 ///
@@ -163,11 +169,14 @@ pub fn read_regular(path: &Path, most: u64) -> io::Result<Vec<u8>> {
         return Err(too_large());
     }
     let mut bytes = Vec::new();
+    // ENOMEM.
+    let refused = |_| io::Error::from_raw_os_error(12);
+    bytes.try_reserve_exact(about.len() as usize).map_err(refused)?;
     File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > most { Err(too_large()) } else { Ok(bytes) }
 }
 
-/// The text of a regular file that ought to be small.
+/// Reads the text of a regular, small file.
 ///
 /// # Errors
 /// Those of [`read_regular`]; it is not UTF-8.
@@ -183,7 +192,7 @@ pub fn read_text(path: &Path) -> io::Result<String> {
 /// # Errors
 /// [`FileError::Read`] and [`FileError::Damaged`].
 pub fn read_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FileError> {
-    let damaged = |error| FileError::damaged(path, error).with_advice(mended_by(path));
+    let damaged = |error| FileError::damaged(path, error);
     let bytes = if_there(path, read_regular(path, LARGE))?;
     bytes.map(|bytes| serde_json::from_slice(&bytes).map_err(damaged)).transpose()
 }
@@ -210,12 +219,12 @@ fn mended_by(path: &Path) -> &'static str {
         "metrics.json" => "`isoflop run` sets it aside and trains the tokenizer again",
         "failure.json" => "`isoflop run` with --retry-failed tries the job again",
         "plan.json" | "spec.json" | "job.json" | "laws.json" => "`isoflop run` writes it again",
-        _ => REMOVE,
+        _ => "remove it to have it made again",
     }
 }
 
-/// Moves a file to `damaged-NAME` beside it, in place of an older one; where it now lies, or `None`
-/// where it is gone already.
+/// Moves a file to `damaged-NAME` in the same folder, replacing an older one. Returns the new path, or `None` if the
+/// file is gone already.
 ///
 /// # Errors
 /// The folder cannot be written to.

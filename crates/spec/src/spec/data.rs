@@ -1,4 +1,4 @@
-//! What is trained on: the `data` section, [`Representation`], and the `text` section ([`TextSpec`]).
+//! The data of training: the `data` section, [`Representation`], and the `text` section ([`TextSpec`]).
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ plain!(Representation, TextEncoderKind, TextStates);
 
 // Motion.
 
-/// Where motion comes from.
+/// The source of motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum DataSource {
@@ -26,7 +26,7 @@ pub enum DataSource {
     Procedural,
     /// A folder in the HumanML3D layout.
     HumanMl3d,
-    /// No motion and no tokenizers: a trainer of one's own brings its data.
+    /// No motion and no tokenizers: a user's trainer brings its data.
     None,
 }
 
@@ -40,7 +40,7 @@ pub enum Clips {
     Auto,
 }
 
-/// What to do about files that are not what they should be.
+/// The treatment of broken files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum BrokenFiles {
@@ -57,11 +57,11 @@ pub enum BrokenFiles {
 pub struct MemberSection {
     /// A folder in the HumanML3D layout, from the working folder.
     pub path: PathBuf,
-    /// Its name in messages; else that of the folder.
+    /// Its name in messages; by default the folder's.
     pub name: Option<String>,
-    /// The terms of its use; the plan tells them.
+    /// Its licence, printed in the plan.
     pub licence: Option<String>,
-    /// Frames a second of its files, where not those of `data.fps`.
+    /// Frames per second of its files, if not `data.fps`.
     #[serde(default, deserialize_with = "number::read")]
     #[schemars(range(min = 0.1, max = 1000))]
     pub fps: Option<f64>,
@@ -75,7 +75,7 @@ impl MemberSection {
     }
 }
 
-/// What the `data` section asks for.
+/// The `data` section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Origin<'a> {
     Procedural,
@@ -93,12 +93,12 @@ section! {
         path: Option<PathBuf> = None;
         /// Several such folders in place of one: their clips together, each in its own split.
         union: Vec<MemberSection> = Vec::new();
-        /// `humanml3d`: frames a second of the files. By default what `isoflop data import` wrote down, or that of the
-        /// layout: 20, and 30 of Motion-X's `vector_263`.
+        /// `humanml3d`: frames per second of the files. By default the rate stored by `isoflop data import`, or the
+        /// layout's: 20, and 30 for Motion-X's `vector_263`.
         fps: Option<f64> = None, 0.1 to 1000;
         /// `humanml3d`: every training clip also left-right mirrored.
         mirror: bool = true;
-        /// `humanml3d`: what to do about files that are not what they should be.
+        /// `humanml3d`: the treatment of broken files.
         broken: BrokenFiles = BrokenFiles::default();
         /// `procedural`: the generator's seed.
         seed: u64 = 0, 0 to 18_446_744_073_709_551_615u64;
@@ -112,7 +112,7 @@ section! {
 }
 
 impl DataSection {
-    /// What it asks for. A union needs no `source`.
+    /// The source. A union needs no `source`.
     ///
     /// # Panics
     /// For `humanml3d` without a path, which [`DataSection::problems`] refuses.
@@ -127,7 +127,7 @@ impl DataSection {
         }
     }
 
-    /// What no source can use.
+    /// Problems that make every source fail.
     pub fn problems(&self) -> Vec<KeyProblem> {
         let united = !self.union.is_empty();
         let folder = "path: the folder that holds new_joint_vecs, vector_263 or new_joints, texts and \
@@ -198,12 +198,12 @@ pub enum Representation {
     #[default]
     Full,
     /// The first 67, the root and the positions of the joints (Meng et al. 2024, LG-Tok). Rotations,
-    /// velocities and contacts of what is made follow from the positions.
+    /// velocities and contacts of generated motion are computed from the positions.
     Meng67,
 }
 
 impl Representation {
-    /// How many of `all` features there are.
+    /// The number of features, out of `all`.
     pub fn n_features(self, all: usize) -> usize {
         match self {
             Self::Full => all,
@@ -218,13 +218,13 @@ impl Representation {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TextEncoderKind {
-    /// Signed hashes of a word's character n-grams; deterministic, knows nothing of meaning.
+    /// Signed hashes of a word's character n-grams; deterministic, without word meanings.
     #[default]
     HashedNgrams,
     /// Vectors that another program made, looked up in a file by the caption.
     File,
-    /// States of T5's encoder, as ScaMo has them, from a folder with its weights. This and what follows
-    /// is built with `--features encoders`.
+    /// States of T5's encoder, as in ScaMo, from a folder with its weights. This and the following encoders need
+    /// a build with `--features encoders`.
     T5,
     /// States of CLIP's text tower, from a folder.
     Clip,
@@ -241,7 +241,7 @@ impl TextEncoderKind {
     }
 }
 
-/// What of an encoder's states is a caption's vectors.
+/// The states of an encoder that represent a caption.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum TextStates {
@@ -262,7 +262,7 @@ section! {
         /// One vector a word, or one a caption, as the baseline without a word-level prefix has it (ScaMo, Table
         /// 2); of encoders with weights.
         states: TextStates = TextStates::default(), unless "crate::units::is_default";
-        /// Width of a vector; that of the file or of the model, where there is one.
+        /// Width of a vector; it must match the file or the model, if there is one.
         dim: usize = 64, 1 to 65_536;
         /// Longer captions are cut here; part of n_ctx in the FLOP rule.
         max_tokens: usize = 32, 1 to 16_384;
@@ -270,7 +270,7 @@ section! {
 }
 
 impl TextSpec {
-    /// What no encoder can use.
+    /// Problems that make every encoder fail.
     pub fn problems(&self) -> Vec<KeyProblem> {
         let Self { encoder, path, states, .. } = self;
         let (file, has_weights) = (*encoder == TextEncoderKind::File, encoder.has_weights());

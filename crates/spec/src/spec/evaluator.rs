@@ -6,13 +6,13 @@ use std::f64::consts::PI;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{KeyProblem, Representation, failed};
+use super::{KeyProblem, Representation, failed, out_of_range};
 use crate::units::number::plain;
 use crate::units::{or_default, section};
 
 plain!(EvaluatorKind, Mismatches);
 
-/// Which networks, as it is written in a sweep file.
+/// The kind of networks, as in a sweep file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum EvaluatorKind {
@@ -26,19 +26,18 @@ pub enum EvaluatorKind {
     Matching,
 }
 
-/// The keys that mean the same for every kind, each with its default: those of the section, and of what
-/// follows from it.
+/// The keys shared by all kinds, with their defaults, for the section and for the resolved form.
 macro_rules! shared {
     ($(
         $(#[$about:meta])* $key:ident: $type:ty = $default:expr, $low:literal to $high:literal;
     )*) => {
         section! {
-            /// The `evaluator` section: networks of motions and of captions, whose vectors are near each
-            /// other where they belong together.
+            /// The `evaluator` section: networks of motions and of captions, whose vectors are close for matching
+            /// pairs.
             ///
             /// The defaults train in a minute or two on a core.
             pub struct EvaluatorSection {
-                /// Which networks they are.
+                /// The kind of networks.
                 kind: EvaluatorKind = EvaluatorKind::default();
                 /// Channels of a row in both towers (128); for `kind: matching`, of the convolutions and of
                 /// the GRUs over captions (64), which is half of those over motions.
@@ -64,7 +63,7 @@ macro_rules! shared {
             }
         }
 
-        /// An evaluator, resolved: what is hashed.
+        /// An evaluator, resolved for hashing.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(deny_unknown_fields)]
         pub struct EvaluatorSpec {
@@ -102,7 +101,7 @@ shared! {
     max_words: usize = 32, 1 to 16_384;
     /// Share of the words of a caption that are left out in training.
     word_drop: f64 = 0.3, 0 to 0.999;
-    /// Clips of a step: each is told from others.
+    /// Clips per step, contrasted with each other.
     batch: usize = 64, 2 to 65_536;
     /// Steps of training.
     steps: usize = 800, 1 to 100_000_000;
@@ -110,11 +109,11 @@ shared! {
     warmup_steps: usize = 100, 0 to 100_000_000;
     /// Decoupled, of AdamW.
     weight_decay: f64 = 0.1, 0 to 1e3;
-    /// How often it is measured on the validation split; the best of these is kept.
+    /// Number of evaluations on the validation split; the best weights are kept.
     evaluations: usize = 16, 1 to 100_000;
-    /// Training clips that are held in memory, at most.
+    /// Most training clips in memory.
     pool_clips: usize = 8192, 2 to 10_000_000;
-    /// Of weights, batches and windows.
+    /// Seed of weights, batches and windows.
     seed: u64 = 0, 0 to 18_446_744_073_709_551_615u64;
 }
 
@@ -132,7 +131,7 @@ impl EvaluatorSection {
         }
     }
 
-    /// What no evaluator can use.
+    /// Problems that make every evaluator fail.
     pub fn problems(&self) -> Vec<KeyProblem> {
         let clip = self.kind == EvaluatorKind::MotionClip;
         let mut found = failed(belonging! {
@@ -147,8 +146,9 @@ impl EvaluatorSection {
 
 impl EvaluatorSpec {
     /// What no training can use.
-    fn problems(&self) -> Vec<KeyProblem> {
-        let mut found = self.networks.problems();
+    pub fn problems(&self) -> Vec<KeyProblem> {
+        let mut found = out_of_range::<EvaluatorSection>(self);
+        found.extend(self.networks.problems());
         found.extend(failed(each! {
             self;
             |n| n >= self.frames(), "holds at least the frames of one row" => window;
@@ -180,7 +180,7 @@ impl EvaluatorSpec {
 
 // [`NetworksSpec`]: which networks embed motions and captions.
 
-/// The networks of an evaluator, resolved: what is hashed.
+/// The networks of an evaluator, resolved for hashing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum NetworksSpec {
@@ -215,7 +215,7 @@ pub struct MatchingSpec {
     pub dropout: f64,
 }
 
-/// Which pairs of a batch are pushed apart.
+/// The pairs of a batch that are pushed apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Mismatches {
@@ -250,24 +250,15 @@ impl NetworksSpec {
         }
     }
 
-    /// What no training can use.
+    /// Problems that make training fail.
     fn problems(&self) -> Vec<KeyProblem> {
-        match self {
-            &Self::MotionClip(MotionClipSpec { width, heads, layers, frames }) => {
-                let divides = heads > 0 && width > 0 && width.is_multiple_of(2 * heads);
-                let turned = "width / heads must be an even whole number: RoPE turns pairs";
-                failed([
-                    (layers > 0, "layers", "must be at least 1"),
-                    (divides, "heads", turned),
-                    (frames > 0, "frames", "must be at least 1"),
-                ])
-            }
-            Self::Matching(MatchingSpec { width, margin, dropout, .. }) => failed([
-                (*width > 0, "width", "must be at least 1"),
-                (*margin > 0.0, "margin", "must be above 0"),
-                ((0.0..1.0).contains(dropout), "dropout", "lies in [0, 1)"),
-            ]),
+        let mut found = out_of_range::<EvaluatorSection>(self);
+        if let &Self::MotionClip(MotionClipSpec { width, heads, .. }) = self {
+            let divides = width.is_multiple_of(heads.saturating_mul(2));
+            let turned = "width / heads must be an even whole number: RoPE turns pairs";
+            found.extend(failed([(divides, "heads", turned)]));
         }
+        found
     }
 
     /// FLOPs of a row forward, of motions and captions alike.
@@ -300,8 +291,8 @@ impl NetworksSpec {
 /// a step and widths 64 and 128.
 const ROWS_KEPT: f64 = 13.0;
 
-/// Rows of the states of both directions that a step of a GRU keeps for the way back, what fills up
-/// shorter motions among them: measured at 64 to 512 clips a step.
+/// State rows of both directions that a step of a GRU keeps for the backward pass, padding included: measured at 64
+/// to 512 clips per step.
 const GATES_KEPT: f64 = 33.0;
 
 #[cfg(test)]
@@ -318,7 +309,7 @@ mod tests {
         assert!((rates[100] - spec.lr).abs() < 1e-12 && rates[300].abs() < 1e-12);
     }
 
-    fn fields(yaml: &str) -> Vec<&'static str> {
+    fn fields(yaml: &str) -> Vec<String> {
         let section: EvaluatorSection = serde_yaml::from_str(yaml).unwrap();
         section.problems().into_iter().map(|problem| problem.field).collect()
     }
@@ -329,7 +320,7 @@ mod tests {
             assert_eq!(fields(kind), Vec::<&str>::new());
         }
         assert_eq!(fields("{heads: 3}"), ["heads"]);
-        assert_eq!(fields("{heads: 0}"), ["heads"]);
+        assert_eq!(fields("{batch: 1, word_drop: 1}"), ["word_drop", "batch"]);
         assert_eq!(fields("{window: 3}"), ["window"]);
         assert_eq!(fields("{pool_clips: 8}"), ["pool_clips"]);
         assert_eq!(fields("{kind: matching, margin: 0, dropout: 1}"), ["margin", "dropout"]);

@@ -1,5 +1,5 @@
-//! [`RunSpec`] and [`TokenizerJob`]: all that a worker needs to know, and the ids that follow; [`ScoresSpec`]: how
-//! motions of runs are made and scored.
+//! [`RunSpec`] and [`TokenizerJob`]: the input of workers, with ids; [`ScoresSpec`]: generation and scoring of motions of
+//! runs.
 
 use std::collections::BTreeMap;
 
@@ -14,10 +14,10 @@ use crate::units::section;
 
 plain!(Precision, ShownCaptions);
 
-/// The word that stands for the trainer in PyTorch that comes with isoflop; words behind it are its options.
+/// The word for isoflop's PyTorch trainer; words after it are its options.
 const TORCH: &str = "torch";
 
-/// Whether a command is that of the trainer in PyTorch that comes with isoflop.
+/// Whether a command is isoflop's PyTorch trainer.
 pub fn is_torch(command: &str) -> bool {
     command.split_whitespace().next() == Some(TORCH)
 }
@@ -34,7 +34,7 @@ pub struct RunSpec {
     /// The codes that it learns to make.
     pub codes: Grid,
     pub budget_flops: f64,
-    /// What it sees of the training split; left out where it is all of it.
+    /// The fraction of the training split that it uses; left out if all.
     #[serde(default, skip_serializing_if = "Share::is_whole")]
     pub share: Share,
     /// Left out where it is `drawn`.
@@ -55,7 +55,7 @@ pub struct RunSpec {
     pub weight_decay: f64,
     pub betas: [f64; 2],
     pub epsilon: f64,
-    /// `None` where gradients are not clipped.
+    /// `None` if gradients are not clipped.
     pub clip_norm: Option<f64>,
     /// Times a run that it is measured on the validation split.
     pub evaluations: usize,
@@ -64,15 +64,15 @@ pub struct RunSpec {
     pub data_digest: String,
     pub text_id: String,
     pub tokenizer_id: String,
-    /// The program that trains it; `None` for the built-in trainer, whose ids know no such field.
+    /// The user's trainer; `None` for the built-in one (then omitted from the hash, so ids stay stable).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trainer: Option<TrainerProgram>,
-    /// What it has of the keys that the sweep varies, as `train.lr=0.001`; ids of others know no such field.
+    /// Its values of varied keys, e.g. `train.lr=0.001`; omitted from the hash of other runs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub varied: Option<String>,
 }
 
-/// What of a program of somebody's own its results follow from.
+/// The parts of a user's trainer that affect results.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainerProgram {
     pub command: String,
@@ -178,7 +178,7 @@ impl Share {
         self.0 == 1.0
     }
 
-    /// ` share 0.25`, and nothing where it is all.
+    /// ` share 0.25`, and nothing if it is all.
     pub fn said(self) -> String {
         if self.is_whole() { String::new() } else { format!(" share {}", self.0) }
     }
@@ -241,9 +241,9 @@ impl Precision {
         }
     }
 
-    /// What the mean loss of so many targets is multiplied by before its gradients are taken, and
-    /// they are divided by after: in `f16` about as many, so that a target's own share is not lost
-    /// below 6e-8. A power of two, which rounds nothing.
+    /// The factor of the mean loss over targets before gradients are taken (they are divided by it afterwards): in `f16`
+    /// about the number of targets, so that a target's part does not underflow below 6e-8. A power of two, which is
+    /// exact.
     pub fn loss_scale(self, targets: usize) -> f64 {
         match self {
             Self::F16 => targets.next_power_of_two().min(MOST_SCALED) as f64,
@@ -263,14 +263,13 @@ section! {
         /// Conditions, as `n_vocab == 512 and budget >= 1e12`; runs that meet one of them are scored, and
         /// all where there is none.
         only: Vec<String> = Vec::new(), unless "Vec::is_empty";
-        /// How often a motion of every test clip's caption is made.
+        /// Number of repeats, each with one motion per test clip.
         repeats: usize = 20, 1 to 10_000;
-        /// How far motions are moved away from those without text; `autoregressive` knows no guidance and is
-        /// scored without.
+        /// Strength of classifier-free guidance; `autoregressive` has none and is scored without.
         guidance: f64 = 0.0, 0 to 1e3;
-        /// How far a tokenizer with language follows the caption when it decodes.
+        /// Strength of caption guidance in decoding, for a tokenizer with language.
         detokenizer_guidance: f64 = 0.0, 0 to 1e3;
-        /// What logits are divided by; 0 takes the likeliest code.
+        /// Divisor of the logits; 0 takes the likeliest code.
         temperature: f64 = 1.0, 0 to 1e3;
         /// Codes are drawn among the likeliest so many.
         top_k: Option<usize> = None, 1 to 16_777_216, unless "Option::is_none";
@@ -284,7 +283,7 @@ section! {
         multimodal_motions: usize = 30, 1 to 10_000;
         /// Motions of a run that are kept as files, in `samples/<run>/scored`; those of the first repeat.
         samples: usize = 16, 0 to 1_000_000;
-        /// Of motions, pools and pairs.
+        /// Seed of motions, pools and pairs.
         seed: u64 = 0, 0 to 18_446_744_073_709_551_615u64;
     }
 }
@@ -296,7 +295,7 @@ impl ScoresSpec {
         Self { only: Vec::new(), ..self.clone() }
     }
 
-    /// What nothing can be scored by.
+    /// Problems that make scoring fail.
     pub fn problems(&self) -> Vec<KeyProblem> {
         let several = |n| self.multimodal_captions == 0 || n > 1;
         failed(each! {

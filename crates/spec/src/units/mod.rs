@@ -7,6 +7,7 @@
 //! ```
 
 pub mod number;
+pub mod ranges;
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -22,7 +23,7 @@ use serde_yaml::Value;
 /// Bytes from `8GB`, `512MiB`, `2e9`: decimal and binary units.
 ///
 /// # Errors
-/// A sentence that says what is understood.
+/// A sentence with the accepted forms.
 pub fn parse_bytes(text: &str) -> Result<u64, String> {
     let trimmed = text.trim();
     let unit = trimmed.trim_start_matches(|c: char| c.is_ascii_digit() || "._+-".contains(c));
@@ -60,14 +61,14 @@ pub fn quoted(word: &str) -> String {
     format!("'{}'", word.replace('\'', "'\\''"))
 }
 
-// [`Ways`]: entries that may be written in more than one way, told apart by their YAML kind.
+// [`Ways`]: entries with several notations, distinguished by their YAML kind.
 //
-// serde's untagged enums would do the same, but forget where in the file they stand and what was
-// wrong with each way; these keep both.
+// serde's untagged enums would do the same, but lose the place in the file and the error of each notation; these
+// keep both.
 
 /// An entry by the ways to write it, each `None` if it is none of this entry's.
 pub trait Ways: Sized {
-    /// What may stand there.
+    /// The accepted notations.
     const EXPECTED: &'static str;
 
     /// A number or a text.
@@ -85,16 +86,16 @@ pub trait Ways: Sized {
         None
     }
 
-    /// Reads it, in whichever way it is written.
+    /// Reads it in any notation.
     ///
     /// # Errors
-    /// What stands there in its place, or what is wrong with it.
+    /// The value found instead, or its problem.
     fn read<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(Either(PhantomData))
     }
 }
 
-/// What a word stands for; `None` for a number.
+/// The meaning of a word; `None` for a number.
 pub fn named<T: DeserializeOwned>(word: &Value) -> Option<Result<T, String>> {
     let read = || serde_yaml::from_value(word.clone()).map_err(|error| error.to_string());
     word.is_string().then(read)
@@ -145,18 +146,18 @@ impl<'de, T: Ways> Visitor<'de> for Either<T> {
 
 // [`ShortForm`]: sections that may be written as one number: `lr: 3e-4`.
 
-/// A section that a number may stand for.
+/// A section that can be written as a number.
 pub trait ShortForm: DeserializeOwned + JsonSchema {
-    /// What the number is, as a sentence of the reference page.
+    /// The meaning of the number, for the reference page.
     const NUMBER: &'static str;
     /// Its type in a JSON schema, and its range.
     const TYPE: &'static str;
     const RANGE: [f64; 2];
 
-    /// The section that the number stands for.
+    /// The section meant by the number.
     ///
     /// # Errors
-    /// A sentence on why it stands for none.
+    /// Why the number is invalid.
     fn of_number(number: f64) -> Result<Self, String>;
 }
 

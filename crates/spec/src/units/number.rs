@@ -1,14 +1,14 @@
-//! Numbers as people write them in a sweep file: `1e18` is a whole number too.
+//! Numbers as users write them in a sweep file: `1e18` is a whole number too.
 
 use serde::de::{Deserialize, DeserializeOwned, Deserializer, Error};
 use serde_yaml::Value;
 
 /// A value that is read as people write it: numbers as `512`, `1e6` or `1_000`, all else as serde has it.
 pub trait Written: DeserializeOwned {
-    /// Reads it.
+    /// Reads a number.
     ///
     /// # Errors
-    /// What stands there in its place.
+    /// The value found instead.
     fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         <Self as Deserialize<'de>>::deserialize(deserializer)
     }
@@ -70,7 +70,7 @@ impl<T: Written> Written for Vec<T> {
     }
 }
 
-/// The whole number that a value holds; the error says what it holds instead.
+/// The whole number in a value; the error names the value.
 pub fn whole(value: &Value) -> Result<usize, String> {
     let number = of_value(value)?;
     if number.fract() == 0.0 && (0.0..9e15).contains(&number) {
@@ -80,7 +80,7 @@ pub fn whole(value: &Value) -> Result<usize, String> {
     }
 }
 
-/// The number that a value holds, as YAML or as text; the error says what it holds instead.
+/// The number in a value, as YAML or as text; the error names the value.
 pub fn of_value(value: &Value) -> Result<f64, String> {
     let number = match value {
         Value::Number(number) => number.as_f64(),
@@ -138,7 +138,7 @@ macro_rules! section {
     };
 }
 
-/// A spec with the keys that a section has written, and its defaults for those that it has not.
+/// A spec with the keys of a section, and defaults for missing keys.
 #[macro_export]
 macro_rules! or_default {
     ($section:expr, $default:expr, $($key:ident),*) => {{

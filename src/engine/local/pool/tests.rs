@@ -1,4 +1,4 @@
-//! Order, retries, memory and stops of a pool, by a runner that only pretends.
+//! Order, retries, memory and stops of a pool, with a mock runner.
 
 use super::{Waiting, *};
 use crate::data::DataFacts;
@@ -142,7 +142,7 @@ fn a_full_disk_stops_all_and_fails_nothing() {
     assert_eq!([end(&reports, "b"), end(&reports, "c")], [JobEnd::Stopped, JobEnd::Stopped]);
 }
 
-/// Jobs that hold memory; one is refused it where more is held than there is.
+/// Jobs that use memory; a job is refused it if the total is exceeded.
 struct Machine {
     bytes: u64,
     held: Mutex<HashMap<String, u64>>,
@@ -157,7 +157,7 @@ impl Machine {
     }
 }
 
-/// What a job really takes stands in its label.
+/// A job's real memory is in its label.
 impl Runner for Machine {
     fn run(&self, job: &Job, _: &Stop, _: &mut dyn FnMut(Beat)) -> JobEnd {
         let takes: u64 = job.label.parse().unwrap();
@@ -197,7 +197,7 @@ fn no_more_is_started_than_memory_allows_but_always_one() {
         let jobs = (0..sizes.len()).map(|i| taking(i, sizes[(i + round) % 10], 0));
         let jobs = jobs.map(|job| Job { label: job.peak_bytes.to_string(), ..job }).collect();
         let reports = on(&machine, jobs);
-        // What is larger than the machine ran alone, and was refused each time.
+        // A job larger than the machine ran alone, and was refused each time.
         let failed: Vec<u64> = reports
             .iter()
             .filter(|report| report.end != JobEnd::Done)
@@ -249,7 +249,7 @@ fn jobs(file: &str, settings: &[&str]) -> Vec<Job> {
     missing_jobs(&plan, &ResultsFolder::new(nowhere.path()))
 }
 
-/// The end of the last job where each takes `seconds` and slots take them up as a pool does.
+/// The end of the last job if each takes `seconds` and slots take them in the pool's order.
 fn makespan(jobs: &[Job], seconds: &HashMap<JobId, f64>, slots: usize) -> f64 {
     let (mut waiting, mut now) = (Waiting::new(jobs.to_vec()), 0.0);
     let mut running: Vec<(f64, JobId)> = Vec::new();

@@ -12,12 +12,12 @@ use super::super::submission::SubmissionTerms;
 use crate::jobs::ResultsFolder;
 use crate::sweep::Stage;
 
-/// Answers `sbatch` from a list, `squeue` with the token of the last call where the job came to be,
-/// and notes every call.
+/// Answers `sbatch` from a list, and `squeue` with the token of the last call if the job exists; records every
+/// call.
 #[derive(Default)]
 struct Mock {
     sbatch: RefCell<VecDeque<(bool, &'static str)>>,
-    /// What `squeue` gives for a job that `sbatch` did not confirm; `None` for no answer.
+    /// The answer of `squeue` for a job that `sbatch` did not confirm; `None` for no answer.
     queue: Option<&'static str>,
     calls: RefCell<Vec<Vec<String>>>,
 }
@@ -87,7 +87,7 @@ fn submission(place: &tempfile::TempDir) -> Submission {
     }
 }
 
-/// What comes of a submission, and what the ledger holds then.
+/// The result of a submission, and the ledger after it.
 fn go(mock: &Mock) -> (Result<Vec<Entry>, SlurmError>, Vec<Entry>) {
     let place = tempfile::tempdir().unwrap();
     let submission = submission(&place);

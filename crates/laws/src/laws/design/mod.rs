@@ -1,13 +1,13 @@
-//! Which runs of a grid to train next: those that sharpen a prediction most for their FLOPs.
+//! Chooses the next runs of a grid: those that narrow a prediction most per FLOP.
 //!
-//! The cheapest two budgets are trained whole. Each further budget begins with a window of its grid
-//! around the optimum that the joint law through all runs so far puts there, since the minimum of a
-//! budget is read off a curve. Then windows grow cell by cell.
+//! The two cheapest budgets are trained in full. Each further budget starts with a window of its grid around the
+//! optimum by the joint law of all runs so far, because a budget's minimum is read off a curve. Then windows grow
+//! cell by cell.
 //!
-//! What is believed of the losses is normal: the coefficients of the joint law, and beside it a walk in
-//! ln C, for no law holds alike at every budget. A run tells of both, with its own noise. By how much
-//! a cell would lower the variance of the loss that is predicted has a closed form, which needs no
-//! training (c-optimal design, Elfving 1952). Cells are taken by that gain per FLOP.
+//! The belief about losses is normal: the coefficients of the joint law, plus a random walk in ln C, since no law is
+//! equally right at every budget. A run observes both, with noise. The amount by which a cell would lower the
+//! variance of the predicted loss has a closed form that needs no training (c-optimal design, Elfving 1952). Cells
+//! are chosen by this gain per FLOP.
 
 mod open_grid;
 
@@ -23,7 +23,7 @@ use open_grid::{OpenGrid, of_budgets};
 /// Budgets that are trained whole before anything is known.
 const FEWEST_BUDGETS: usize = 2;
 
-/// What runs are chosen for.
+/// The goal of choosing runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DesignGoal {
     /// The budget whose loss is predicted.
@@ -32,7 +32,7 @@ pub struct DesignGoal {
     pub spend_flops: f64,
 }
 
-/// The runs to train next, by their places in `open`, after those of `points` were trained.
+/// The next runs, as indices into `open`, given the trained `points`.
 pub fn next_runs(points: &[IsoFlopPoint], open: &[OpenRun], goal: DesignGoal) -> Vec<usize> {
     match Known::of(points, open, goal.budget_flops) {
         Some(known) => known.choose(points, open, goal.spend_flops),
@@ -40,7 +40,7 @@ pub fn next_runs(points: &[IsoFlopPoint], open: &[OpenRun], goal: DesignGoal) ->
     }
 }
 
-/// Whole budgets, the cheapest first: two where none is trained yet, else one.
+/// Whole budgets, the cheapest first: two if none is trained yet, else one.
 fn cheapest(points: &[IsoFlopPoint], open: &[OpenRun]) -> Vec<usize> {
     let budgets = distinct(open.iter().map(|run| run.budget_flops));
     let count = if points.is_empty() { FEWEST_BUDGETS } else { 1 };
@@ -48,7 +48,7 @@ fn cheapest(points: &[IsoFlopPoint], open: &[OpenRun]) -> Vec<usize> {
     (0..open.len()).filter(|i| first.contains(&open[*i].budget_flops)).collect()
 }
 
-// What the runs so far tell of the loss that is predicted, and what further ones would.
+// The belief about the predicted loss, from runs so far and from further ones.
 
 /// How far a law strays between budgets a factor e apart, in what is worth a nat.
 ///
@@ -56,13 +56,13 @@ fn cheapest(points: &[IsoFlopPoint], open: &[OpenRun]) -> Vec<usize> {
 /// the largest budget: in simulated sweeps (`docs/rounds.md`) a walk of this size takes fewer FLOPs.
 const DRIFT: f64 = 0.005;
 
-/// What the runs so far tell.
+/// The information of the runs so far.
 struct Known {
     law: JointLaw,
     belief: Belief,
     /// The combination whose variance is to fall.
     target: Vec<f64>,
-    /// Those of the runs and the one that is predicted, rising.
+    /// The budgets of the runs and the predicted one, rising.
     budgets: Vec<f64>,
     /// The lowest loss of each budget's grid by the law.
     best: Vec<f64>,
@@ -71,7 +71,7 @@ struct Known {
 }
 
 impl Known {
-    /// What `points` tell of the loss at the budget `target`; none where they tell no joint law.
+    /// The belief about the loss at the budget `target` from `points`; `None` if they give no joint law.
     fn of(points: &[IsoFlopPoint], open: &[OpenRun], target: f64) -> Option<Self> {
         let has_vocab = points.iter().all(|point| point.n_vocab > 0.0);
         let parameters = if has_vocab { Parameters::Split } else { Parameters::Total };
@@ -144,7 +144,7 @@ impl Known {
         }
     }
 
-    /// What a run tells of the quantities, and the variance with which it does.
+    /// The observation of a run: its row over the quantities, and its variance.
     fn observation(&self, run: &OpenRun) -> (Vec<f64>, f64) {
         let place = run.place();
         let budget = self.budgets.iter().position(|budget| *budget == run.budget_flops);

@@ -1,4 +1,4 @@
-//! [`OpenRun`], a run that could be trained, and one budget's grid of such, of which a part is trained.
+//! [`OpenRun`], a run that could be trained, and the partly trained grid of one budget.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -12,12 +12,12 @@ use crate::laws::maths::stats::distinct;
 pub struct OpenRun {
     /// The declared budget.
     pub budget_flops: f64,
-    /// What training it costs.
+    /// The cost of training it.
     pub flops: f64,
     pub params_nonvocab: f64,
     pub n_vocab: f64,
     pub tokens: f64,
-    /// Distinct tokens of the training split, where they are known.
+    /// Distinct tokens of the training split, if known.
     pub unique_tokens: Option<f64>,
 }
 
@@ -59,7 +59,7 @@ pub(super) struct OpenGrid {
     levels: [Vec<f64>; 2],
     /// The place of each run that is trained or chosen among the levels.
     taken: Vec<[usize; 2]>,
-    /// The place of the cell of the lowest mean loss; none where nothing is trained.
+    /// The place of the cell of the lowest mean loss; none if nothing is trained.
     best: Option<[usize; 2]>,
     /// The runs that are left, by their index, with their place among the levels.
     left: Vec<(usize, [usize; 2])>,
@@ -96,7 +96,7 @@ impl OpenGrid {
         }
     }
 
-    /// Whether nothing of it is trained.
+    /// Whether no run of it is trained.
     pub fn is_untouched(&self) -> bool {
         self.taken.is_empty()
     }
@@ -120,8 +120,8 @@ impl OpenGrid {
         short.flat_map(|side| self.line(side)).collect()
     }
 
-    /// The runs of each cell that may be trained next: those within the sizes and vocabularies tried or
-    /// next to them; where nothing is left there, all.
+    /// The runs of each candidate cell: within the sizes and vocabularies tried or next to them; all cells if none is
+    /// left there.
     pub fn cells(&self) -> Vec<Vec<usize>> {
         let near = self.tried().map(|tried| tried.start().saturating_sub(1)..=tried.end() + 1);
         let is_near =
@@ -153,13 +153,13 @@ impl OpenGrid {
         AXES.into_iter().flat_map(of).collect()
     }
 
-    /// The runs at a place beside what is tried.
+    /// The runs at a place next to the range tried.
     fn line(&self, (axis, at): (usize, usize)) -> Vec<usize> {
         let (tried, other) = (self.tried(), 1 - axis);
         self.within(|place| place[axis] == at && tried[other].contains(&place[other]))
     }
 
-    /// The runs of these indices are trained or chosen now.
+    /// Marks the runs of these indices as trained or chosen.
     pub fn take(&mut self, runs: &[usize]) {
         let (taken, left): (Vec<_>, Vec<_>) =
             std::mem::take(&mut self.left).into_iter().partition(|(i, _)| runs.contains(i));

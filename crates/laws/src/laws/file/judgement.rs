@@ -1,4 +1,4 @@
-//! How far laws are to be believed, and how they did on budgets that they had not seen.
+//! The reliability of laws, and their errors on budgets left out of the fit.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use crate::laws::minima::{CrossOptimum, LackOfFit, TiedCells, TriedCells};
 use crate::laws::noise::{TestNoise, TokenizerNoise};
 use crate::laws::ranking::{ForecastError, Recommended};
 
-/// How far laws are to be believed.
+/// The reliability of laws.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Judgement {
@@ -21,20 +21,20 @@ pub struct Judgement {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub joint: Option<JointLaw>,
     pub lack_of_fit: Vec<LackOfFit>,
-    /// The scatter of tokenizers; absent where each vocabulary has one.
+    /// The scatter of tokenizers; absent if each vocabulary has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tokenizer_noise: Option<TokenizerNoise>,
-    /// What other clips to test on would do; absent where it is not known which were recorded together.
+    /// The effect of other test clips; absent if it is unknown which were recorded together.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub test_noise: Option<TestNoise>,
-    /// What the intervals of the exponents are made of.
+    /// The sources of error in the intervals of the exponents.
     pub interval_parts: Vec<IntervalPart>,
     /// Forecasts that runs have tested.
     pub validations: Vec<Validated>,
-    /// What is likely wrong with all rows of a table, in sentences.
+    /// Likely errors in all rows of a table, in sentences.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rows: Vec<String>,
-    /// What the runs tried.
+    /// The range of the runs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tried: Option<Tried>,
 }
@@ -42,22 +42,22 @@ pub struct Judgement {
 /// The extent of the runs that laws rest on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tried {
-    /// Runs, and the budgets that they are of; 0 in a file that does not know them.
+    /// Number of runs and of budgets; 0 in a file without them.
     #[serde(default)]
     pub runs: usize,
     #[serde(default)]
     pub n_budgets: usize,
-    /// The smallest and the largest budget; zeros in a file that does not know them.
+    /// The smallest and the largest budget; zeros in a file without them.
     #[serde(default)]
     pub budgets: [f64; 2],
     /// The smallest and the largest N_nv, or N.
     pub sizes: [f64; 2],
-    /// The smallest and the largest V; zeros where it is not known.
+    /// The smallest and the largest V; zeros if unknown.
     pub vocabularies: [f64; 2],
     /// Layers of every model, where all have as many.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub n_layer: Option<usize>,
-    /// Distinct tokens of the training split, where they are known.
+    /// Distinct tokens of the training split, if known.
     pub unique_tokens: Option<f64>,
     /// The most passes over them.
     pub epochs: Option<f64>,
@@ -68,16 +68,16 @@ pub struct Tried {
 pub struct IntervalPart {
     /// `runs`, `tokenizers`, `misfit`, `method`, `test split`.
     pub part: String,
-    /// Of N_nv's exponent, or N's.
+    /// The interval of N_nv's exponent, or N's.
     pub exponent_nonvocab: Option<[f64; 2]>,
     pub exponent_vocab: Option<[f64; 2]>,
     pub exponent_tokens: Option<[f64; 2]>,
     pub slope_per_decade: Option<[f64; 2]>,
 }
 
-// A forecast beside what its runs gave.
+// A forecast and the runs that tested it.
 
-/// A forecast that was made before its runs, beside what they gave: `validations` of `laws.json`.
+/// A forecast that was registered before its runs, and their result: `validations` of `laws.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Validated {
     pub budget_flops: f64,
@@ -88,7 +88,7 @@ pub struct Validated {
     pub inside: Inside,
 }
 
-/// What was forecast, with 95 % intervals.
+/// The forecast, with 95 % intervals.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Predicted {
     pub loss: Option<f64>,
@@ -111,22 +111,22 @@ pub struct Measured {
     pub tokens: f64,
     /// Runs of all cells.
     pub runs: usize,
-    /// Sizes and vocabularies among them, where they were counted.
+    /// Sizes and vocabularies among them, if they were counted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sizes: Option<usize>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vocabularies: Option<usize>,
-    /// What the cells tried; absent in a file of before.
+    /// The range of the cells; absent in an older file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tried: Option<TriedCells>,
-    /// The optimum between the cells, where these tell it: what the forecast is compared with in place
-    /// of the best cell's N_nv, N_v and D.
+    /// The optimum between the cells, if they determine it: the forecast is compared with it instead of the best
+    /// cell's N_nv, N_v and D.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub optimum: Option<CrossOptimum>,
-    /// What the noise of the runs leaves open; absent where it is not known.
+    /// The range that run noise leaves open; absent if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tied: Option<TiedCells>,
-    /// Cross-entropy of the best cell in nats a token, where the runs know it.
+    /// Cross-entropy of the best cell in nats per token, if the runs have it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss_nats: Option<f64>,
 }
@@ -139,7 +139,7 @@ impl Measured {
     }
 }
 
-/// Whether what was measured lies in the interval; absent where there is none.
+/// Whether the measured value lies in the interval; absent if there is none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Inside {
     pub loss: Option<bool>,
@@ -149,27 +149,27 @@ pub struct Inside {
 }
 
 impl Inside {
-    /// The symbols of what of the optimum lies outside its interval.
+    /// The symbols of the optimum's quantities outside their intervals.
     pub(in crate::laws) fn outside(&self) -> impl Iterator<Item = &'static str> {
         let of = [("N_nv", self.params_nonvocab), ("N_v", self.params_vocab), ("D", self.tokens)];
         of.into_iter().filter(|(_, inside)| *inside == Some(false)).map(|(name, _)| name)
     }
 
-    /// Whether nothing that was judged lies outside its interval.
+    /// Whether no judged quantity lies outside its interval.
     pub fn is_whole(&self) -> bool {
         self.loss != Some(false) && self.outside().next().is_none()
     }
 }
 
 impl Validated {
-    /// A forecast beside what was measured.
+    /// A forecast and the measurement.
     pub fn new(
         (budget_flops, extrapolation_factor): (f64, f64),
         predicted: Predicted,
         measured: Measured,
     ) -> Self {
         let tied = |of: fn(&TiedCells) -> [f64; 2]| measured.tied.as_ref().map(of);
-        // Neither true nor false where the value lies outside and what ties with it does not.
+        // Neither true nor false if the value lies outside but a tie of it lies inside.
         let holds = |interval: Option<[f64; 2]>, value: f64, tied: Option<[f64; 2]>| {
             let [low, high] = interval?;
             let is_inside = (low..=high).contains(&value);

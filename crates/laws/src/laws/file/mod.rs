@@ -1,4 +1,4 @@
-//! What `laws.json` holds: [`Laws`], their [`Answer`], and in `judgement` how far they are to be believed.
+//! The contents of `laws.json`: [`Laws`], their [`Answer`], and in `judgement` their reliability.
 
 mod judgement;
 
@@ -16,13 +16,13 @@ use crate::laws::minima::{Minimum, RunNoise};
 use crate::laws::parametric::{Form, Parametric};
 use crate::laws::ranking::Candidate;
 
-/// The budget that laws through the others were tested on, and what was measured there.
+/// The held-out budget: the laws through the other budgets, and the measurement there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldOut {
     pub budget_flops: f64,
     /// The minimum measured there, by the method that the laws use.
     pub minimum: Minimum,
-    /// Of the laws through the minima of the other budgets.
+    /// The exponents of the laws through the minima of the other budgets.
     #[serde(default)]
     pub exponents: Exponents,
 }
@@ -43,14 +43,14 @@ pub struct Laws {
     /// The loss that the points hold.
     #[serde(default)]
     pub metric: Metric,
-    /// Whether N_nv and N_v are told apart.
+    /// Whether N_nv and N_v are separate.
     #[serde(default)]
     pub parameters: Parameters,
-    /// n_ctx of the sweep's models, for the `openai` count of a prediction; absent where unknown.
+    /// n_ctx of the sweep's models, for the `openai` count of a prediction; absent if unknown.
     #[serde(default)]
     pub n_ctx: Option<usize>,
-    /// The share of the vocabulary that a code is chosen among, on the mean, for the same count: below
-    /// 1 where each scale has a head of its own.
+    /// The mean fraction of the vocabulary that a code is chosen among, for the same count: below 1 if each scale has
+    /// its own head.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub head_share: Option<f64>,
     /// Whether vocabularies are the trainer's own: any V, and no levels of FSQ.
@@ -70,27 +70,27 @@ pub struct Laws {
     /// N_v in N_nv (ScaMo Eq. 10).
     pub vocab_from_nonvocab: Option<PowerLaw>,
     pub loss: LossLaws,
-    /// The parametric loss, where the laws come from one.
+    /// The parametric loss, if the laws come from one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parametric: Option<Parametric>,
     pub sensitivity: Vec<Sensitivity>,
     /// Budgets predicted by laws that had not seen them.
     #[serde(default)]
     pub validation: Vec<Validation>,
-    /// What to run next.
+    /// Advice on further runs.
     #[serde(default)]
     pub advice: Vec<Advice>,
-    /// The scatter of single runs that the bootstrap draws from; absent where it is not known.
+    /// The noise of single runs, used by the bootstrap; absent if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<RunNoise>,
     /// Replicates of the bootstrap: each holds the coefficients of one, for intervals.
     pub bootstrap: Vec<LawSample>,
-    /// Sentences for a person: what was left out, what is not identified.
+    /// Warnings: data left out, coefficients that are not identified.
     pub warnings: Vec<String>,
-    /// Which law to believe, and how far.
+    /// The recommended law, and its reliability.
     #[serde(flatten)]
     pub judgement: Judgement,
-    /// What screen, figures, report and files say of the laws; absent in an older file.
+    /// The answer shown by screen, figures, report and files; absent in an older file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub answer: Option<Answer>,
 }
@@ -120,7 +120,7 @@ impl Laws {
         tried.or_else(used).unwrap_or([self.reference_flops; 2])
     }
 
-    /// The one V that all runs have; `None` where several were tried or none is known.
+    /// The one V that all runs have; `None` if several were tried or none is known.
     pub fn only_vocabulary(&self) -> Option<f64> {
         let [low, high] = self.judgement.tried?.vocabularies;
         (low == high && low > 0.0).then_some(low)
@@ -152,7 +152,7 @@ impl Laws {
         }
     }
 
-    /// What the loss is called: L_u in a sweep, L in a table whose loss may be any.
+    /// The symbol of the loss: L_u in a sweep, L in a table.
     pub fn loss_symbol(&self) -> &'static str {
         if self.from_sweep { "L_u" } else { "L" }
     }
@@ -206,14 +206,14 @@ impl LawKind {
     }
 }
 
-// What a fit says, once, for screen, figures, report, notebook and files.
+// The answer of a fit, shared by screen, figures, report, notebook and files.
 
-/// What a fit says.
+/// The answer of a fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Answer {
     /// The law that everything below is of: `joint`, `floor`, `approach3`, …
     pub law: String,
-    /// The minima that the law goes through; absent where it goes through the cells themselves.
+    /// The kind of minima of the law; absent if it is fitted to the cells.
     pub method: Option<MinimumMethod>,
     /// Why this law.
     pub why: String,
@@ -222,11 +222,11 @@ pub struct Answer {
     pub coefficients: BTreeMap<String, Coefficient>,
     /// `nats`, or another unit that the name of the loss tells; else `as given`.
     pub loss_unit: String,
-    /// Those in C of the optimum over the fitted budgets.
+    /// The exponents in C of the optimum over the fitted budgets.
     pub exponents: PerQuantity<Exponent>,
-    /// The optimum from the smallest to the largest fitted budget: what figures draw.
+    /// The optimum from the smallest to the largest fitted budget, for figures.
     pub path: Vec<OptimumAt>,
-    /// How far each law that could be tested missed each budget that it had not seen.
+    /// The errors of each tested law on budgets left out of its fit.
     pub held_out: Vec<HeldOutError>,
     /// One sentence.
     pub verdict: String,
@@ -240,7 +240,7 @@ pub struct Coefficient {
     pub ci95: Option<[f64; 2]>,
 }
 
-/// How far a law through smaller budgets missed one that it had not seen.
+/// The error of a law, fitted to smaller budgets, on a larger one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldOutError {
     pub law: String,
@@ -264,7 +264,7 @@ pub struct Exponent {
     pub value: Option<f64>,
     /// 95 %.
     pub ci95: Option<[f64; 2]>,
-    /// The budgets between which the exponent is that of the optimum.
+    /// The budgets between which the exponent holds.
     pub range_flops: [f64; 2],
     /// Why the value is absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -276,7 +276,7 @@ pub struct Exponent {
 pub struct Doubt {
     pub kind: String,
     pub what: String,
-    /// What would settle it.
+    /// The remedy.
     #[serde(rename = "do")]
     pub remedy: String,
 }
@@ -291,32 +291,32 @@ pub struct OptimumAt {
     pub loss: Option<Coefficient>,
 }
 
-// What to run next.
+// Advice on further runs.
 
-/// What running more would settle.
+/// The purpose of further runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AdviceKind {
-    /// Sizes past an edge of a budget's grid, or sizes where there are too few.
+    /// Sizes past an edge of a budget's grid, or more sizes if there are too few.
     AddSizes,
     /// Vocabularies past an edge of a budget's grid.
     AddVocabularies,
-    /// Further seeds, where a curve is flat within its noise.
+    /// Further seeds, if a curve is flat within its noise.
     AddSeeds,
     /// A further budget, since an exponent's interval is wide.
     LargerBudget,
-    /// Where a further budget would be centred; nothing asks for it.
+    /// The centre of a further budget, although nothing requires it.
     NextBudget,
 }
 
-/// Runs that would tell more: every size with every vocabulary.
+/// Advised runs: every size with every vocabulary.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Advice {
     pub kind: AdviceKind,
     pub budget_flops: f64,
-    /// N_nv of the runs; N where it is not told apart.
+    /// N_nv of the runs; N if it is not separate.
     pub params_nonvocab: Vec<f64>,
-    /// V of the runs; empty where it is not known.
+    /// V of the runs; empty if it is not known.
     pub n_vocab: Vec<f64>,
     /// Sizes × vocabularies × the sweep's runs of a cell.
     pub runs: usize,

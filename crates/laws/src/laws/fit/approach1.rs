@@ -42,10 +42,10 @@ pub fn approach1(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, 
     Ok(laws(points, &front, fitted, &replicates, options))
 }
 
-/// Sizes on a frontier below which a law of N in C would be that of a grid of one or two.
+/// Fewest sizes on a frontier: with one or two, the grid alone would set the law.
 const LEAST_SIZES: usize = 3;
 
-/// Curves drawn with replacement, each time fitted anew; of a curve drawn twice one is enough.
+/// Refits to curves drawn with replacement; a curve drawn twice counts once.
 fn replicates(candidates: &Candidates, reference: f64, options: &FitOptions) -> Vec<LawSet> {
     let one = |i: usize| {
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
@@ -180,7 +180,7 @@ impl Candidates {
         Self { points: all, n_curves: curves.len() }
     }
 
-    /// The points of the chosen curves whose loss is below that of all at less C.
+    /// The points of the chosen curves with a lower loss than every point at less C.
     fn lowest(&self, chosen: &[bool]) -> Vec<FrontierPoint> {
         let mut least = f64::INFINITY;
         let mut lowest = Vec::new();

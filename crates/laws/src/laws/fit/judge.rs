@@ -1,5 +1,4 @@
-//! What a fit says of itself: how its runs scatter, what its curves miss, which law to believe, and the
-//! exponents under other choices.
+//! Judges a fit: run noise, misfit of curves, the recommended law, and the exponents under other choices.
 
 use crate::laws::file::{IntervalPart, Judgement, Laws, Tried};
 use crate::laws::input::{Cell, FitOptions, MinimumMethod, Parameters};
@@ -14,12 +13,12 @@ use crate::laws::ranking::{Candidate, ForecastError, Recommended, Rows, shares};
 use crate::laws::say::warnings::{of_flat, of_spend};
 use crate::laws::say::why_recommended;
 
-/// Replicates of the joint law at most: each is a fit of its own.
+/// Most replicates of the joint law: each is a whole fit.
 const JOINT_REPLICATES: usize = 200;
-/// Replicates by which a part of an interval is told.
+/// Replicates for each part of an interval.
 const PART_REPLICATES: usize = 100;
 
-/// Which law to believe, and how far.
+/// The recommended law, and its reliability.
 pub(super) fn judge(
     laws: &Laws,
     grids: &[Grid],
@@ -48,7 +47,7 @@ pub(super) fn judge(
     let mut joint = fit_joint(grids, scatter.noise, repeat(grids));
     let recommended = rank(&rows, laws, joint.as_ref());
     let misses = recommended.scores.first().map_or(&[][..], |best| &best.misses);
-    // It is asked of models that are not optimal and of repeated data also where another law is recommended.
+    // Needed for models that are not optimal and for repeated data even if another law is recommended.
     if let Some(joint) = &mut joint {
         let count = options.bootstrap.min(JOINT_REPLICATES);
         joint.bootstrap = replicates(joint, grids, (scatter, options.seed), count);
@@ -61,8 +60,8 @@ pub(super) fn judge(
     }
 }
 
-/// The curves whose minima may all be used where those of the laws' method are; that method alone
-/// where it is the best run.
+/// The kinds of curve whose minima are all usable wherever the laws' method has usable ones; only that method if it is
+/// the best run.
 pub(super) fn admissible(
     per_method: &ByMethod,
     own: MinimumMethod,
@@ -80,9 +79,9 @@ pub(super) fn admissible(
         .collect()
 }
 
-/// The recommendation over all budgets, measured minima beside each grid. Where none could be tested it is
-/// the smooth loss through all cells, which forecast best on other tables (`docs/which-law.md`), else the
-/// law with a floor, else the log law.
+/// The recommendation over all budgets, given each grid with its measured minimum. If no law could be tested it is
+/// the joint law, which forecast best on other tables (`docs/which-law.md`), else the law with a floor, else the log
+/// law.
 fn rank(rows: &Rows, laws: &Laws, joint: Option<&JointLaw>) -> Recommended {
     let untested = match (joint, &laws.loss.floor) {
         (Some(joint), _) => joint.candidate(),
@@ -90,7 +89,7 @@ fn rank(rows: &Rows, laws: &Laws, joint: Option<&JointLaw>) -> Recommended {
         (None, None) => Candidate::Log,
     };
     let mut scores = rows.scores();
-    // A law of minima that all budgets together do not tell predicts nothing.
+    // A law of minima that the budgets do not determine predicts nothing.
     scores.retain(|score| score.law.is_joint() || laws.power_laws.tokens.is_some());
     let law = scores.first().map_or(untested, |best| best.law);
     let why = why_recommended(&scores, rows.grids.len(), &laws.metric);
@@ -98,7 +97,7 @@ fn rank(rows: &Rows, laws: &Laws, joint: Option<&JointLaw>) -> Recommended {
     Recommended { law, minima_method: laws.minima_method, why, scores, loss_unit }
 }
 
-/// What the intervals of the exponents would be for each reason alone.
+/// The intervals of the exponents by each source of error alone.
 pub(super) fn interval_parts(bootstrap: &Bootstrap) -> Vec<IntervalPart> {
     let none = Sources::default();
     let parts = [
@@ -193,9 +192,8 @@ fn row(variant: String, laws: &PowerLaws, slope_per_decade: Option<f64>) -> Sens
     }
 }
 
-/// One row for each kind of minimum, one more with every flagged minimum of `law_method` kept, and one
-/// where a model's size is all its parameters. A row's numbers are absent where fewer than two budgets have a
-/// usable minimum of that kind.
+/// One row per kind of minimum, one with every flagged minimum of `law_method` kept, and one with all parameters as
+/// a model's size. A row's numbers are absent if fewer than two budgets have a usable minimum of that kind.
 pub(super) fn sensitivity(
     per_method: &ByMethod,
     law_method: MinimumMethod,
@@ -222,7 +220,7 @@ pub(super) fn sensitivity(
     rows
 }
 
-/// Akima's spline and the surface where they were not asked for and two budgets have one.
+/// Akima's spline and the surface, if not asked for and two budgets have one.
 fn other_methods(
     per_method: &ByMethod,
     grids: &[Grid],
@@ -238,8 +236,8 @@ fn other_methods(
     rows.filter(|(_, found)| found.len() >= 2).collect()
 }
 
-/// The row of another convention of parameters: a model's size is N_nv + N_v, and N_v has no law of
-/// its own. None where the table tells no N_v apart, or has too few minima so counted.
+/// The row with N_nv + N_v as a model's size and no law of N_v. `None` if the table has no separate N_v, or too
+/// few minima under this convention.
 fn size_with_vocabulary(
     method: MinimumMethod,
     grids: &[Grid],

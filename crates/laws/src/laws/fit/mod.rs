@@ -191,7 +191,7 @@ fn fill(laws: &mut Laws, set: LawSet, several: bool) {
     laws.loss = LossLaws { log: Some(set.log), floor: set.floor };
 }
 
-/// What the laws through the other minima say of one budget, against what was measured there.
+/// The errors at one budget of the laws through the other minima.
 fn test_on(laws: &mut Laws, budget: f64, used: &[Minimum], grids: &[Grid], options: &FitOptions) {
     let own = laws.own_minima().find(|m| m.budget_flops == budget);
     let Some(minimum) = own.cloned() else { return };

@@ -16,11 +16,11 @@ use crate::laws::parametric::{
 use crate::laws::say::warnings::of_lost_optima;
 use std::f64::consts::LN_10;
 
-/// Fits a parametric law: the global optimum, how sure it is, and what speaks against it.
+/// Fits a parametric law: the global optimum, its uncertainty, and doubts.
 ///
 /// # Errors
 /// [`FitError::BadValue`], [`FitError::BadLoss`], [`FitError::Metrics`] and [`FitError::BadOption`] for
-/// wrong input, [`FitError::NotIdentified`] where the rows cannot tell the coefficients.
+/// wrong input, [`FitError::NotIdentified`] if the rows cannot determine the coefficients.
 pub fn fit_parametric(
     points: &[IsoFlopPoint],
     options: &ParametricOptions,
@@ -35,7 +35,7 @@ pub fn fit_parametric(
 /// Half the step in ln C over which exponents are read off.
 const HALF_STEP: f64 = 0.01;
 
-/// The laws that `parametric`, fitted to `points`, implies; those that it does not are absent.
+/// The laws implied by `parametric`, fitted to `points`; others are absent.
 pub fn parametric_laws(
     points: &[IsoFlopPoint],
     parametric: Parametric,
@@ -50,7 +50,7 @@ pub fn parametric_laws(
     around(&laws, reference)
 }
 
-/// The same laws as tangents at another C0; laws without a parametric loss are left as they are.
+/// The same laws as tangents at another C0; laws without a parametric loss are unchanged.
 ///
 /// Only a loss with a vocabulary has laws that bend; read at C0 = C they are exact.
 pub fn around(laws: &Laws, reference: f64) -> Laws {
@@ -74,7 +74,7 @@ pub fn around(laws: &Laws, reference: f64) -> Laws {
     laws.answered()
 }
 
-/// The laws around C0 as one replicate keeps them; none where the coefficients have no optimum.
+/// The laws around C0 of one replicate; `None` if the coefficients have no optimum.
 fn tangent(c: &Coefficients, reference: f64) -> Option<LawSample> {
     let at = |ln_step: f64| optimum(c, reference * ln_step.exp());
     let (below, here, above) = (at(-HALF_STEP)?, at(0.0)?, at(HALF_STEP)?);

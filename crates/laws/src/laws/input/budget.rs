@@ -15,9 +15,9 @@ const SAME_BUDGET: f64 = 1e-9;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Budget<'a> {
     pub budget_flops: f64,
-    /// Those that saw as much of the data as any run of the table.
+    /// The runs on the largest share of the data.
     pub points: Vec<&'a IsoFlopPoint>,
-    /// Those that saw a smaller share of it.
+    /// The runs on smaller shares.
     pub smaller: Vec<&'a IsoFlopPoint>,
 }
 
@@ -86,31 +86,31 @@ pub(in crate::laws) struct Cell {
     pub loss: f64,
     /// Whether the loss is L_u, in nats; the unit of any other is not known.
     pub in_nats: bool,
-    /// How many runs of equal weight the mean is worth, (Σw)²/Σw²: with runs of standard deviation
-    /// σ that of `loss` is σ/√`runs`.
+    /// The effective number of runs in the mean, (Σw)²/Σw²: if a run has standard deviation σ, `loss` has
+    /// σ/√`runs`.
     pub runs: f64,
     /// Sum of the runs' squared distances from the plain mean of those with the same tokenizer.
     pub spread: f64,
     /// Runs less tokenizers: the degrees of freedom of `spread`.
     pub dof: usize,
-    /// Blocks of the model, where they are known.
+    /// Layers of the model, if known.
     pub n_layer: Option<usize>,
-    /// Distinct tokens of the training split, where they are known.
+    /// Distinct tokens of the training split, if known.
     pub unique_tokens: Option<f64>,
-    /// What the runs saw of the training split, 1 being all.
+    /// The fraction of the training split used, 1 for all.
     pub share: f64,
-    /// Mean over the runs of the loss on each block of the test split, less the mean of all blocks; empty
-    /// where some run does not know it.
+    /// Mean loss of the runs on each block of the test split, minus the mean of all blocks; empty if some run lacks
+    /// it.
     pub by_block: Vec<f64>,
 }
 
 impl Cell {
-    /// ln D(N_nv + N_v): what a budget leaves nearly constant over its grid.
+    /// ln D(N_nv + N_v), nearly constant over a budget's grid.
     pub fn ln_work(&self) -> f64 {
         self.tokens.ln() + (self.params_nonvocab + self.params_vocab).ln()
     }
 
-    /// Passes over the distinct tokens, where they are known.
+    /// Passes over the distinct tokens, if known.
     pub fn epochs(&self) -> Option<f64> {
         Some(self.tokens / self.unique_tokens?)
     }
@@ -220,8 +220,8 @@ pub(in crate::laws) fn best_index(cells: &[Cell]) -> usize {
     (0..cells.len()).min_by(by_loss).expect("a grid has a cell")
 }
 
-/// ln N_v at the vertex of the parabola through the best vocabulary and its two neighbours; the
-/// best vocabulary itself where it has no neighbour on one side.
+/// ln N_v at the vertex of the parabola through the best vocabulary and its two neighbours; the best vocabulary
+/// itself if it has no neighbour on one side.
 ///
 /// Since the middle of the three is the lowest, the vertex lies between the neighbours' midpoints:
 /// it moves by less than the grid's step, and takes most of the grid's rounding out of N_v.
@@ -240,10 +240,10 @@ fn vocabulary_optimum(cells: &[Cell], best: usize) -> f64 {
     x(best) + 0.5 * (rise_left * right.powi(2) - rise_right * left.powi(2)) / curvature
 }
 
-/// How many cells, tokenizers and seeds more than one row holds, and the first repeat.
+/// The number of (cell, tokenizer, seed) with several rows, and the first repeat.
 ///
-/// Repeats of one seed are averaged like seeds, which is wrong where they differ by a setting that
-/// the table does not show, such as the learning rate.
+/// Repeats of one seed are averaged like seeds, which is wrong if they differ in a setting that the table does not
+/// show, such as the learning rate.
 pub(in crate::laws) fn repeats(points: &[IsoFlopPoint]) -> Option<(usize, &str)> {
     let mut rows: Vec<_> = points.iter().collect();
     let place = |p: &IsoFlopPoint| {

@@ -1,4 +1,4 @@
-//! What a fit is given: runs, how it is asked for, and the runs gathered by budget and cell.
+//! The input of a fit: runs, options, and runs grouped by budget and cell.
 
 pub(super) mod budget;
 mod point;
@@ -52,10 +52,10 @@ impl fmt::Display for MinimumMethod {
     }
 }
 
-/// Which budget is kept out of the fit, to measure the laws' error at.
+/// The budget left out of the fit, to measure the laws' error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum HoldOut {
-    /// The largest; none, with a warning, where that would leave fewer than two.
+    /// The largest; none, with a warning, if that would leave fewer than two.
     #[default]
     LargestBudget,
     None,
@@ -63,7 +63,7 @@ pub enum HoldOut {
     Budget(f64),
 }
 
-/// How much each budget weighs in the power laws.
+/// The weight of each budget in the power laws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Weights {
     #[default]
@@ -79,7 +79,7 @@ pub struct FitOptions {
     pub name: String,
     /// The rule that [`IsoFlopPoint::flops`](IsoFlopPoint::flops) was counted by.
     pub flops_rule: String,
-    /// Whether the points tell N_nv and N_v apart.
+    /// Whether the points have separate N_nv and N_v.
     pub parameters: Parameters,
     /// The kinds of minimum to report and to compare.
     pub methods: Vec<MinimumMethod>,
@@ -101,7 +101,7 @@ pub struct FitOptions {
     /// Derive the law of D from the other two so that the laws spend C to first order around C0,
     /// instead of fitting it.
     pub spend_budget: bool,
-    /// Rank the laws by their forecasts, and refit them to all budgets where one is held out.
+    /// Rank the laws by their forecasts, and refit them to all budgets if one is held out.
     pub recommend: bool,
 }
 
@@ -201,8 +201,7 @@ pub enum FitError {
 }
 
 impl FitError {
-    /// Whether the data cannot tell the laws (exit code 3), rather than a value or option being
-    /// wrong (exit code 2).
+    /// Whether the data cannot determine the laws (exit code 3); else a value or option is wrong (exit code 2).
     pub fn is_unidentifiable(&self) -> bool {
         matches!(
             self,
@@ -253,10 +252,10 @@ impl IsoFlopPoint {
     }
 }
 
-/// The metric that every row holds; that of no rows is the default.
+/// The metric shared by all rows; the default without rows.
 ///
 /// # Errors
-/// [`FitError::Metrics`] for rows that hold different ones.
+/// [`FitError::Metrics`] for rows with different metrics.
 pub(in crate::laws) fn metric_of(points: &[IsoFlopPoint]) -> Result<Metric, FitError> {
     let Some(first) = points.first() else { return Ok(Metric::default()) };
     match points.iter().find(|point| point.metric != first.metric) {

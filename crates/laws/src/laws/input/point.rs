@@ -1,4 +1,4 @@
-//! [`IsoFlopPoint`]: a run as the laws see it, the [`Metric`] that it holds, and values [`PerQuantity`] of a
+//! [`IsoFlopPoint`]: a run as input of the laws, its [`Metric`], and values [`PerQuantity`] of a
 //! configuration.
 
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ pub struct IsoFlopPoint {
     pub seed: u64,
     /// The declared budget: runs are grouped by it.
     pub budget_flops: f64,
-    /// What the run spent under the rule that the fit uses.
+    /// The FLOPs of the run by the rule of the fit.
     pub flops: f64,
     /// N_nv.
     pub params_nonvocab: f64,
@@ -22,51 +22,51 @@ pub struct IsoFlopPoint {
     pub n_vocab: f64,
     /// D.
     pub tokens: f64,
-    /// Which loss this is.
+    /// The kind of loss.
     pub metric: Metric,
     /// The loss; lower is better. L_u is in nats, and 0 for the unigram model.
     pub loss: f64,
-    /// How much the run counts in means and fits, relative to the others; 1 by default.
+    /// The relative weight of the run in means and fits; 1 by default.
     pub weight: f64,
-    /// What no law is written in, but some judge the runs by.
+    /// Facts that no law contains, but that some use to judge the runs.
     #[serde(default)]
     pub about: RunFacts,
 }
 
-/// What may be known of a run beside its point; a table made elsewhere knows none of it.
+/// Further facts of a run; a table made elsewhere has none.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunFacts {
     /// Blocks of the model.
     pub n_layer: Option<usize>,
     /// The tokenizer that made its codes, by id.
     pub tokenizer: Option<String>,
-    /// Distinct tokens of what it saw of the training split: a run of more tokens repeats them.
+    /// Distinct tokens of its training data: a run of more tokens repeats them.
     pub unique_tokens: Option<f64>,
-    /// What it saw of the training split, 1 being all.
+    /// The fraction of the training split that it used, 1 for all.
     #[serde(default)]
     pub share: Option<f64>,
-    /// The loss on each block of the test split, less their mean; empty where it is not known. Blocks have
-    /// no recording in common, and are the same for all runs.
+    /// The loss on each block of the test split, minus their mean; empty if unknown. Blocks have no recording in
+    /// common, and are the same for all runs.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub by_block: Vec<f64>,
 }
 
 impl IsoFlopPoint {
-    /// What it saw of the training split; all of it where nothing else is known.
+    /// The fraction of the training split that it used; 1 if unknown.
     pub fn share(&self) -> f64 {
         self.about.share.unwrap_or(1.0)
     }
 }
 
-/// Whether a table tells a model's parameters apart by the vocabulary.
+/// Whether a table separates vocabulary and other parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Parameters {
     /// N_nv and N_v each have a column.
     #[default]
     Split,
-    /// Only N is known. In points and minima it stands where N_nv does, and N_v and V are 0; among
-    /// the laws it has a place of its own, [`PowerLaws::params`](crate::laws::PowerLaws::params).
+    /// Only N is known. In points and minima it is stored as N_nv, with N_v and V 0; the laws have a separate
+    /// field, [`PowerLaws::params`](crate::laws::PowerLaws::params).
     Total,
 }
 
@@ -145,22 +145,22 @@ impl From<Metric> for String {
 
 // One value for each of N, N_nv, N_v, V and D.
 
-/// A value for each quantity of a configuration; absent where there is none.
+/// A value for each quantity of a configuration; absent if unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PerQuantity<T> {
-    /// Of N, where N_nv and N_v are not told apart; then the next three are absent.
+    /// N, if N_nv and N_v are not separate; then the next three are absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub params: Option<T>,
-    /// Of N_nv.
+    /// N_nv.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub params_nonvocab: Option<T>,
-    /// Of N_v.
+    /// N_v.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub params_vocab: Option<T>,
-    /// Of V, the number of codes.
+    /// V, the number of codes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub n_vocab: Option<T>,
-    /// Of D, in tokens.
+    /// D, in tokens.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tokens: Option<T>,
 }
@@ -178,7 +178,7 @@ impl<T> Default for PerQuantity<T> {
 }
 
 impl<T> PerQuantity<T> {
-    /// What there is, with its symbol, in the order of a table.
+    /// The known values with their symbols, in the order of a table.
     pub fn named(&self) -> impl Iterator<Item = (&'static str, &T)> {
         let all = [
             ("N", &self.params),
@@ -195,7 +195,7 @@ impl<T> PerQuantity<T> {
         self.named().find_map(|(own, value)| (own == symbol).then_some(value))
     }
 
-    /// Of the size: N_nv, or N.
+    /// The size: N_nv, or N.
     pub fn size(&self) -> Option<&T> {
         self.params_nonvocab.as_ref().or(self.params.as_ref())
     }

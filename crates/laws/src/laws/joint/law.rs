@@ -1,4 +1,4 @@
-//! A joint law, as `laws.json` holds it: the loss, what a token costs, and what follows from both.
+//! A joint law as stored in `laws.json`: the loss, the cost of a token, and results of both.
 
 use rayon::prelude::*;
 use serde::de::Error;
@@ -49,7 +49,7 @@ impl<'de> Deserialize<'de> for JointLaw {
 }
 
 impl JointLaw {
-    /// Whether it says what repeated data is worth, and how well it knows that.
+    /// Whether it has the worth of repeated data, with its uncertainty.
     pub fn tells_repetition(&self) -> bool {
         self.loss.terms.repeats && !self.bootstrap.is_empty()
     }
@@ -66,7 +66,7 @@ impl JointLaw {
         self.cost.optimum(&self.loss, budget)
     }
 
-    /// What an optimum has at an end of all that is looked at, and those ends: the loss has no valley between them.
+    /// An optimum at an end of the range searched, and the ends: the loss has no minimum between them.
     pub fn at_an_end(&self, optimum: &Optimum) -> Option<(&'static str, [f64; 2])> {
         let is_end = |x: f64, [low, high]: [f64; 2]| {
             (x.ln() - low).min(high - x.ln()) < AT_AN_END * (high - low)
@@ -82,7 +82,7 @@ impl JointLaw {
         })
     }
 
-    /// The best allocations of some budgets by each replicate, where it has them.
+    /// The best allocations of some budgets by each replicate, if it has them.
     pub fn optima_at<const N: usize>(&self, budgets: [f64; N]) -> Vec<[Option<Optimum>; N]> {
         let of = |values: &Vec<f64>| {
             let loss = self.loss.with(values);
@@ -134,13 +134,13 @@ impl JointLaw {
         params_vocab / self.cost.params_vocab(params_nonvocab, 1.0)
     }
 
-    /// How much a run `above` the best loss of its budget counts in the fit, 1 being the best run,
-    /// if single runs scatter by `sd`.
+    /// The weight in the fit of a run `above` the best loss of its budget, 1 for the best run, given the
+    /// standard deviation `sd` of a run.
     pub fn counts(above: f64, sd: f64) -> f64 {
         valley(above, sd)
     }
 
-    /// What it says of repeated data; none where it has no term for it.
+    /// The worth of repeated data; `None` without a term for it.
     pub fn repetition(&self) -> Option<Repetition> {
         let terms = self.loss.terms;
         terms.repeats.then(|| {
@@ -157,8 +157,7 @@ impl JointLaw {
         })
     }
 
-    /// How far it lies above the cells of a budget: the mean over its valley, and the standard deviation
-    /// that the noise of the runs, of standard deviation `noise`, gives this mean.
+    /// Its mean error over the valley of a budget, and the standard deviation of that mean given the `noise` of a run.
     pub(in crate::laws) fn above(&self, grid: &Grid, noise: f64) -> Off {
         let best = grid.best().loss;
         let [mut counts, mut sum, mut variance] = [0.0; 3];
@@ -172,17 +171,17 @@ impl JointLaw {
     }
 }
 
-/// A model on some tokens, beside the best model for the same FLOPs.
+/// A model trained on some tokens, and the best model for the same FLOPs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SizedLoss {
     pub flops: f64,
     pub params_vocab: f64,
-    /// V, if the law or the caller tells it.
+    /// V, if the law or the caller gives it.
     pub n_vocab: Option<f64>,
     pub loss: f64,
     /// `None` if the law has no finite optimum there.
     pub best: Option<Optimum>,
-    /// The loss, and that of the best model, by each bootstrap replicate that has both.
+    /// The loss, and the best model's loss, by each bootstrap replicate with both.
     pub replicates: Vec<[f64; 2]>,
 }
 
@@ -190,20 +189,20 @@ pub struct SizedLoss {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Off {
     pub by: f64,
-    /// The standard deviation of what was measured; 0 where it is not known.
+    /// The standard deviation of the measurement; 0 if unknown.
     pub measured_to: f64,
 }
 
 impl Off {
-    /// The square of what is the law's own.
+    /// The squared error of the law itself.
     pub(in crate::laws) fn own_square(self) -> f64 {
         self.by.powi(2) - self.measured_to.powi(2)
     }
 }
 
-// What a token costs a model, how wide a model is, and the best allocation.
+// The cost of a token, the width of a model, and the best allocation.
 
-/// How far beyond the sizes and vocabularies tried an optimum is looked for, as factors.
+/// Factors beyond the sizes and vocabularies tried within which an optimum is searched.
 const BELOW: f64 = 8.0;
 const SIZES_ABOVE: f64 = 1e4;
 const VOCABULARIES_ABOVE: f64 = 64.0;
@@ -221,7 +220,7 @@ pub(super) struct Cost {
     per_param: f64,
     per_root: f64,
     per_vocab: f64,
-    /// ln d = `ln_width` + `width_exponent` ln N_nv; none where V is not known.
+    /// ln d = `ln_width` + `width_exponent` ln N_nv; none if V is not known.
     width: Option<[f64; 2]>,
     /// The sizes and the vocabularies that were tried.
     pub sizes: [f64; 2],
@@ -229,7 +228,7 @@ pub(super) struct Cost {
 }
 
 impl Cost {
-    /// Through some cells; none where they do not tell the cost.
+    /// Fits the cost to some cells; `None` if they do not determine it.
     pub fn of(cells: &[&Cell]) -> Option<Self> {
         let has_vocab = cells.iter().all(|cell| cell.has_vocabulary());
         let [per_param, per_root, per_vocab] = per_token(cells, has_vocab)?;
@@ -256,7 +255,7 @@ impl Cost {
         budget / (of_model + self.per_vocab * params_vocab)
     }
 
-    /// Of `loss` at `budget` FLOPs; none where it is not finite.
+    /// The optimum of `loss` at `budget` FLOPs; `None` if it is not finite.
     pub fn optimum(&self, loss: &JointLoss, budget: f64) -> Option<Optimum> {
         let sizes = self.sizes_looked_at();
         let best_of = |ln_vocab: f64| {
@@ -279,7 +278,7 @@ impl Cost {
         [low - BELOW.ln(), high + SIZES_ABOVE.ln()]
     }
 
-    /// ln V, where several vocabularies were tried.
+    /// ln V, if several vocabularies were tried.
     fn vocabularies_looked_at(&self, loss: &JointLoss) -> Option<[f64; 2]> {
         let [low, high] = self.vocabularies.map(f64::ln);
         loss.terms.vocab.then_some([low - BELOW.ln(), high + VOCABULARIES_ABOVE.ln()])
@@ -316,7 +315,7 @@ fn per_token(cells: &[&Cell], has_vocab: bool) -> Option<[f64; 3]> {
     })
 }
 
-/// The line of ln d in ln N_nv; a level line where one size was tried.
+/// The line of ln d in ln N_nv; constant if one size was tried.
 fn width(cells: &[&Cell]) -> Option<[f64; 2]> {
     let widths: Vec<f64> = cells.iter().map(|cell| cell.ln_width()).collect();
     let rows: Vec<Vec<f64>> =
@@ -326,7 +325,7 @@ fn width(cells: &[&Cell]) -> Option<[f64; 2]> {
     Some([line[0], line.get(1).copied().unwrap_or(0.0)])
 }
 
-/// Where a function of one valley is least; none where it is not finite there.
+/// The minimum of a function with one valley; `None` if it is not finite there.
 fn golden([mut low, mut high]: [f64; 2], f: impl Fn(f64) -> f64) -> Option<f64> {
     let ratio = (5f64.sqrt() - 1.0) / 2.0;
     let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));

@@ -5,13 +5,13 @@ use serde::{Deserialize, Serialize};
 use crate::laws::input::Cell;
 use crate::laws::maths::engine::{MOST, Row};
 
-/// Which terms a joint loss has beside e0, A, α, B and β.
+/// The terms of a joint loss in addition to e0, A, α, B and β.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Terms {
     /// e1: several vocabularies were tried.
     pub vocab: bool,
-    /// κe, κa and κb: enough vocabularies to tell how the limit of the loss saturates in V, and how
-    /// its two terms grow with V.
+    /// κe, κa and κb, with enough vocabularies: the saturation in V of the loss limit, and the growth of its two terms
+    /// with V.
     pub saturating: bool,
     /// χ: a token is worth less, or more, to a larger model.
     #[serde(default)]
@@ -35,7 +35,7 @@ pub struct JointLoss {
 
 /// The five coefficients that every joint loss has.
 const BASE: usize = 5;
-/// Where α and β stand among the values.
+/// The indices of α and β among the values.
 pub(super) const ALPHA: usize = 2;
 pub(super) const BETA: usize = 4;
 
@@ -67,18 +67,18 @@ impl Terms {
         BASE + usize::from(self.vocab)
     }
 
-    /// Where χ stands among the values.
+    /// The index of χ among the values.
     pub(super) fn chi(self) -> usize {
         self.kappa_e() + 3 * usize::from(self.saturating)
     }
 
-    /// Where ln R stands among the values; ρ follows.
+    /// The index of ln R among the values; ρ follows.
     pub(super) fn ln_r(self) -> usize {
         self.chi() + usize::from(self.crossed)
     }
 }
 
-/// Where a loss is asked for.
+/// A place at which to evaluate the loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::laws) struct Place {
     pub ln_size: f64,
@@ -89,13 +89,13 @@ pub(in crate::laws) struct Place {
 }
 
 impl Place {
-    /// Of N_nv, V (0 where it is not known) and D, of a split of `unique_tokens`.
+    /// From N_nv, V (0 if unknown) and D, with `unique_tokens` distinct tokens.
     pub fn new([size, n_vocab, tokens]: [f64; 3], unique_tokens: Option<f64>) -> Self {
         let ln_vocab = if n_vocab > 0.0 { n_vocab.ln() } else { 0.0 };
         Self { ln_size: size.ln(), ln_vocab, ln_tokens: tokens.ln(), unique_tokens }
     }
 
-    /// Of the runs of a cell.
+    /// The place of a cell's runs.
     pub fn of(cell: &Cell) -> Self {
         Self::new([cell.params_nonvocab, cell.n_vocab, cell.tokens], cell.unique_tokens)
     }
@@ -126,10 +126,10 @@ impl JointLoss {
         })
     }
 
-    /// The coefficients by name, of N_nv, V and D themselves in place of their distances from the middle.
+    /// The coefficients by name, for N_nv, V and D themselves instead of their distances from the middle.
     ///
-    /// E is what is left where model, data and vocabulary are without end, or, with few vocabularies, at
-    /// V = 1; the loss falls with V by E_v ln V, or, saturating, by E_v (1 − V^−κe)/κe.
+    /// E is the limit for infinite model, data and vocabulary, or, with few vocabularies, at V = 1; the loss falls with V
+    /// by E_v ln V, or, saturating, by E_v (1 − V^−κe)/κe.
     pub fn coefficients(&self) -> Vec<(&'static str, f64)> {
         let ([n, v, d], terms) = (self.centre, self.terms);
         let (alpha, beta) = (self.values[ALPHA], self.values[BETA]);
@@ -229,13 +229,12 @@ impl JointLoss {
     }
 }
 
-/// What a vocabulary tells of a motion more than the middle one does, in units of e1: v, and with a κe
-/// above 0 less the larger it is.
+/// The information gain of a vocabulary over the middle one, in units of e1: v, less for larger ones if κe > 0.
 pub(super) fn told(v: f64, kappa_e: f64) -> f64 {
     if kappa_e == 0.0 { v } else { -(-kappa_e * v).exp_m1() / kappa_e }
 }
 
-/// ln of what D tokens are worth where U of them are distinct.
+/// ln of the worth of D tokens of which U are distinct.
 fn worth(ln_tokens: f64, unique_tokens: Option<f64>, ln_r: f64) -> f64 {
     let Some(unique) = unique_tokens.filter(|unique| ln_tokens > unique.ln()) else {
         return ln_tokens;
@@ -244,24 +243,24 @@ fn worth(ln_tokens: f64, unique_tokens: Option<f64>, ln_r: f64) -> f64 {
     (unique * (1.0 - r * (-repeats / r).exp_m1())).ln()
 }
 
-// What repeated data is worth.
+// The worth of repeated data.
 
-/// What passes over the data are worth to a model of the middle size.
+/// The worth of passes over the data to a model of the middle size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Repetition {
-    /// R: what all passes after the first are worth together, in first passes.
+    /// R: the worth of all passes after the first together, in first passes.
     pub r: f64,
-    /// Of the runs' noise and scatter about the law; another form of the law may well lie outside.
+    /// From run noise and scatter around the law; another form of the law may lie outside.
     pub r_ci95: Option<[f64; 2]>,
     /// R falls as N^−ρ.
     pub rho: f64,
     pub rho_ci95: Option<[f64; 2]>,
-    /// The middle N_nv of the cells, which R is that of.
+    /// The middle N_nv of the cells, to which R refers.
     pub params_nonvocab: f64,
 }
 
 impl Repetition {
-    /// First passes that so many passes are worth.
+    /// The worth of some passes, in first passes.
     pub fn worth(&self, passes: f64) -> f64 {
         worth(passes.ln(), Some(1.0), self.r.ln()).exp()
     }

@@ -2,16 +2,14 @@
 //!
 //! L = e0 − e1 (1 − V^−κe)/κe + A V^κa N^−α + B V^κb N^χ D^−β, N = N_nv, and V from the middle one.
 //!
-//! Why these terms. A code of V values tells more of a motion, so the normalised loss falls with
-//! ln V where model and data are large (e1), less and less (κe): it cannot fall below the information
-//! that a motion's past and its caption hold of its next frames. How far a run is from there is the
-//! model's and the data's part, as in Hoffmann et al. 2022, and both grow with V where more codes
-//! have to be told apart (κ). A larger model takes smaller steps, so that a token is worth less to it
-//! (χ above 0). With one vocabulary χ is left out, and it is their law.
+//! Why these terms. A code out of V carries more information, so for large model and data the normalised loss falls
+//! with ln V (e1), less and less (κe): it cannot fall below minus the information that past and caption have about the
+//! next frames. The distance from this limit has a model part and a data part, as in Hoffmann et al. 2022; both
+//! grow with V, as more codes must be distinguished (κ). A larger model takes smaller steps, so a token is worth
+//! less to it (χ above 0). With one vocabulary χ is left out, which gives Hoffmann's law.
 //!
-//! Where runs repeat their data, D is what repetition is worth of it (Muennighoff et al. 2023):
-//! U(1 + R(1 − e^(−(D/U − 1)/R))) of D tokens of which U are distinct. R falls as N^−ρ, for a larger
-//! model may learn its data by heart sooner.
+//! If runs repeat their data, D is replaced by the worth of D tokens of which U are distinct (Muennighoff et al.
+//! 2023): U(1 + R(1 − e^(−(D/U − 1)/R))). R falls as N^−ρ, since a larger model may memorise its data sooner.
 
 mod law;
 mod loss;
@@ -35,11 +33,11 @@ use crate::laws::noise::Scatter;
 /// Degrees of freedom that the residuals are given, at least.
 const FEWEST_FREE: f64 = 4.0;
 
-/// The joint law through the cells of some budgets; none where they do not tell its coefficients.
+/// Fits the joint law to the cells of some budgets; `None` if they do not determine its coefficients.
 ///
-/// Least squares over the cells by the runs that each is worth. Where the cells say little of a
-/// coefficient it stays near what is expected of it: exponents near 0.4 within a factor of two, no
-/// coupling. The expectations weigh as much as one run each, of standard deviation `noise`.
+/// Least squares over the cells, weighted by their effective runs. A coefficient that the cells hardly determine
+/// stays near its prior: exponents near 0.4 within a factor of two, no coupling. Each prior has the weight of one
+/// run, of standard deviation `noise`.
 pub(super) fn fit_joint(
     grids: &[Grid],
     noise: Option<RunNoise>,
@@ -67,12 +65,11 @@ pub(super) fn fit_joint(
 
 // Replicates.
 //
-// A replicate moves every cell around the law by the residuals' own deviation, which holds both the
-// noise of the runs and the law's misfit, moves all cells of a vocabulary together by the scatter of
-// its tokenizers, and cells by what each would find harder on another test split than others do, and
-// fits the law anew.
+// A replicate perturbs every cell around the law by the standard deviation of the residuals (run noise and misfit), all
+// cells of a vocabulary together by tokenizer noise, and cells by the slopes of another test split; then it refits
+// the law.
 
-/// Keeps the streams of these replicates apart from those of minima.
+/// Separates the random streams of these replicates from those of minima.
 const STREAMS: u64 = 1 << 40;
 
 /// Residuals are taken for misfit up to so many times the scatter.
@@ -90,8 +87,8 @@ pub(super) fn replicates(
     streams.map(|normals| replicate(law, grids, scatter, normals)).collect()
 }
 
-/// How many times what runs and tokenizers scatter by the residuals are; at least 1. What a form misses is
-/// alike in neighbouring cells, and moves a law further than as much noise would.
+/// The ratio of the residuals to run and tokenizer noise; at least 1. The misfit of a form is similar in neighbouring
+/// cells, so it moves a law further than noise of the same size.
 fn misfit(law: &JointLaw, grids: &[Grid], Scatter { noise, tokenizers, .. }: Scatter) -> f64 {
     let Some(noise) = noise else { return 1.0 };
     let cells = grids.iter().flat_map(Grid::of_all_shares).flatten();
@@ -122,10 +119,10 @@ fn replicate(law: &JointLaw, grids: &[Grid], scatter: Scatter, mut normals: Norm
     refitted(law, (grids, &drawn), noise)
 }
 
-/// The coefficients through other losses of the same cells, downhill from those of `law`.
+/// The coefficients fitted to other losses of the same cells, starting from `law`.
 ///
-/// Cells count as those of `grids` do: weighed by the losses that were drawn, those that chance made low would
-/// count more, and every replicate would lie below the law.
+/// Cells keep the weights of `grids`: with weights by the drawn losses, cells that are low by chance would count
+/// more, and every replicate would lie below the law.
 fn refitted(
     law: &JointLaw,
     (grids, drawn): (&[Grid], &[Grid]),

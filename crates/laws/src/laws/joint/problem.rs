@@ -1,4 +1,4 @@
-//! What a fit of a joint law makes small: the cells, what each counts, and how far they lie from the law.
+//! The objective of a joint law: the cells, their weights, and their residuals.
 
 use super::loss::{ALPHA, BETA, JointLoss, Place, Terms, told};
 use crate::laws::input::{Cell, best_index};
@@ -9,7 +9,7 @@ use crate::laws::minima::{Grid, valley};
 
 /// Cells beyond the coefficients, at least.
 const SPARE: usize = 4;
-/// Sizes, and losses, that tell a term of the size.
+/// Fewest sizes, and losses, that determine a term of the size.
 const FEWEST_SIZES: usize = 3;
 /// Vocabularies that κe, κa and κb need.
 const SATURATING_LEVELS: usize = 4;
@@ -25,7 +25,7 @@ pub(in crate::laws) fn repeat(grids: &[Grid]) -> bool {
 /// The cells of all budgets and shares.
 pub(super) struct Cells<'a> {
     pub all: Vec<&'a Cell>,
-    /// How far each lies above the best of its budget and share, in nats.
+    /// The loss of each above the best of its budget and share, in nats.
     above: Vec<f64>,
 }
 
@@ -39,10 +39,10 @@ impl<'a> Cells<'a> {
         Self { all: slices().flatten().collect(), above: slices().flat_map(above).collect() }
     }
 
-    /// The terms that the cells can tell; none where even the fewest are too many, and where a term of
-    /// repetition is asked for and no cell knows its distinct tokens.
+    /// The terms that the cells can determine; `None` if even the fewest are too many, or if a term of repetition is
+    /// asked for and no cell has its distinct tokens.
     ///
-    /// Cells that do not repeat their data leave R at what is expected of it.
+    /// Cells that do not repeat their data leave R at its prior.
     pub fn terms(&self, repeats: bool) -> Option<Terms> {
         let levels = distinct(self.all.iter().map(|cell| cell.n_vocab)).len();
         let sizes = distinct(self.all.iter().map(|cell| cell.params_nonvocab)).len();
@@ -62,7 +62,7 @@ impl<'a> Cells<'a> {
         wanted.into_iter().find(|terms| self.all.len() >= terms.count() + SPARE)
     }
 
-    /// The root of what each cell counts, one cell on average.
+    /// The square root of each cell's weight, one on average.
     pub fn weights(&self, noise: f64) -> Vec<f64> {
         let pairs = self.all.iter().zip(&self.above);
         let counts: Vec<f64> =
@@ -89,20 +89,18 @@ const UNEXPECTED: f64 = 10.0;
 const LEAST: f64 = 0.02;
 /// Bounds of the exponents α and β.
 const EXPONENTS: [f64; 2] = [0.02, 4.0];
-/// The rate at which the limit of the loss saturates in ln V: what is expected, within a factor e, and
-/// its bounds.
+/// The rate at which the limit of the loss saturates in ln V: its prior, within a factor e, and its bounds.
 const KAPPA_E: f64 = 0.1;
 const KAPPAS_E: [f64; 2] = [0.002, 2.0];
-/// Passes over the data that are worth the first one, R: what is expected, ln 15 (Muennighoff et al.
-/// 2023), and its bounds.
+/// ln R: its prior, ln 15 (Muennighoff et al. 2023), and its bounds.
 const LN_R: [f64; 3] = [2.7, -2.0, 8.0];
-/// How far R may fall as N^−ρ: a larger model learns its data by heart sooner.
+/// Bounds of ρ, R ∝ N^−ρ: a larger model memorises its data sooner.
 const RHO: f64 = 0.4;
-/// Steps from each start, and how many of those that are lowest then are followed to their end.
+/// Steps from each start, and the number of the lowest that are then followed to convergence.
 const FIRST_STEPS: usize = 15;
 const FOLLOWED: usize = 3;
 
-/// Where a coefficient, or its logarithm, is expected to lie.
+/// The prior of a coefficient or its logarithm.
 #[derive(Clone, Copy)]
 struct Expectation {
     /// Among the values of a [`JointLoss`].
@@ -112,7 +110,7 @@ struct Expectation {
     in_logs: bool,
 }
 
-/// What is expected of coefficients before the cells are asked.
+/// The priors of all coefficients.
 fn expected(terms: Terms) -> Vec<Expectation> {
     let exponent = |index| Expectation { index, mean: 0.4f64.ln(), sd: 0.7, in_logs: true };
     let mut all = [ALPHA, BETA].map(exponent).to_vec();
@@ -144,7 +142,7 @@ pub(in crate::laws) fn expected_sds(law: &JointLoss, unit: f64) -> Vec<f64> {
     sds
 }
 
-/// The residuals of every cell, and of every coefficient from what is expected of it.
+/// The residuals of every cell, and of every coefficient from its prior.
 pub(super) struct Problem {
     /// Terms, centre and unique tokens, with coefficients that mean nothing.
     pub frame: JointLoss,
@@ -179,7 +177,7 @@ impl Problem {
         }
     }
 
-    /// How many cells of equal weight these are worth, (Σw)²/Σw².
+    /// The effective number of cells, (Σw)²/Σw².
     pub fn effective_cells(&self) -> f64 {
         let squares: f64 = self.weights.iter().map(|weight| weight.powi(4)).sum();
         self.weights.iter().map(|weight| weight.powi(2)).sum::<f64>().powi(2) / squares
@@ -209,8 +207,7 @@ impl Problem {
         ends.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(values, _)| values)
     }
 
-    /// How far each coefficient lies from what is expected of it, in units of the noise, with the
-    /// derivative by it.
+    /// The residual of each coefficient from its prior, in units of the noise, with its derivative.
     fn of_expectations(&self, values: &[f64]) -> impl Iterator<Item = (f64, usize, f64)> {
         self.expected.iter().map(|&Expectation { index, mean, sd, in_logs }| {
             let (value, slope) = match in_logs {

@@ -33,7 +33,7 @@ impl LogLaw {
         self.slope_per_decade * compute.log10() + self.intercept
     }
 
-    /// R² and AIC, where they say something: a line goes through any two points.
+    /// R² and AIC, with more than two points.
     pub fn goodness(&self) -> Option<[f64; 2]> {
         (self.n > 2).then_some([self.r2, self.aic])
     }
@@ -66,12 +66,12 @@ impl FloorLaw {
         EXPONENT_RANGE.contains(&self.exponent)
     }
 
-    /// R² and AIC, where they say something: some such law goes through almost any three points.
+    /// R² and AIC, with more than three points.
     pub fn goodness(&self) -> Option<[f64; 2]> {
         (self.n > 3).then_some([self.r2, self.aic])
     }
 
-    /// What a replicate keeps of it.
+    /// The part that a replicate keeps.
     pub(super) fn sample(&self) -> FloorSample {
         FloorSample { floor: self.floor, coefficient: self.coefficient, exponent: self.exponent }
     }
@@ -103,7 +103,7 @@ impl FloorSample {
     }
 }
 
-/// L_u = s log10 C + i by least squares; none where C does not vary.
+/// L_u = s log10 C + i by least squares; none if C does not vary.
 pub fn log_law(compute: &[f64], loss: &[f64]) -> Option<LogLaw> {
     let x: Vec<f64> = compute.iter().map(|c| c.log10()).collect();
     let weights = vec![1.0; x.len()];
@@ -179,7 +179,7 @@ impl<'a> Projected<'a> {
         (basis, loss, k.max(0.0))
     }
 
-    /// None where the loss does not fall, k being 0.
+    /// `None` if the loss does not fall (k = 0).
     fn rss(&self, g: f64) -> Option<f64> {
         let (basis, loss, k) = self.centred(g);
         let rss = || basis.iter().zip(&loss).map(|(b, l)| (l - k * b).powi(2)).sum();
@@ -215,7 +215,7 @@ impl<'a> Projected<'a> {
         Some(self.zero(left, *right).unwrap_or(*g))
     }
 
-    /// The zero of the slope between two exponents; none where the slope does not change sign.
+    /// The zero of the slope between two exponents; none if the slope does not change sign.
     fn zero(&self, left: f64, right: f64) -> Option<f64> {
         if self.slope(left) * self.slope(right) >= 0.0 {
             return None;

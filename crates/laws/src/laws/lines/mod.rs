@@ -17,13 +17,13 @@ use crate::laws::maths::stats::{geometric_mean, interval95};
 use crate::laws::minima::{Grid, Minimum};
 use serde::{Deserialize, Serialize};
 
-/// The power laws of the optimum in C (ScaMo Eq. 9); absent where not identifiable.
+/// The power laws of the optimum in C (ScaMo Eq. 9); absent if not identifiable.
 pub type PowerLaws = PerQuantity<PowerLaw>;
 
 /// Exponents in C of the size, N_v and D.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Exponents {
-    /// Of N_nv, or N.
+    /// The size: N_nv, or N.
     pub size: Option<f64>,
     pub params_vocab: Option<f64>,
     pub tokens: Option<f64>,
@@ -32,11 +32,11 @@ pub struct Exponents {
 /// Exponents under another convention or another kind of minimum.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sensitivity {
-    /// What was changed, for a person: "minima: cubic", "flops: 6nd".
+    /// The choice that was changed: "minima: cubic", "flops: 6nd".
     pub variant: String,
     pub exponent_vocab: Option<f64>,
     pub exponent_nonvocab: Option<f64>,
-    /// Of N, where the size is one number; then the two above are absent.
+    /// The exponent of N, if the size is one number; then the two above are absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exponent_params: Option<f64>,
     pub exponent_tokens: Option<f64>,
@@ -45,9 +45,8 @@ pub struct Sensitivity {
 
 /// One bootstrap replicate: ln y at C0 and the exponent of each law, and the log loss law.
 ///
-/// Where one vocabulary was tried the two vocabulary numbers follow the model's width alone. Where
-/// N alone is known the non-vocabulary numbers are those of N, and the vocabulary numbers are 0 and
-/// mean nothing.
+/// With one vocabulary, the two vocabulary numbers depend only on the model's width. If only N is known, the
+/// non-vocabulary numbers are those of N, and the vocabulary numbers are 0 without meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LawSample {
     pub ln_vocab_at_reference: f64,
@@ -58,7 +57,7 @@ pub struct LawSample {
     pub exponent_tokens: f64,
     pub loss_intercept: f64,
     pub loss_slope_per_decade: f64,
-    /// Absent where the replicate had no floor law.
+    /// Absent if the replicate had no floor law.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub floor: Option<FloorSample>,
 }
@@ -83,12 +82,12 @@ impl LawSample {
 pub(super) struct LawSet {
     /// C0.
     pub reference: f64,
-    /// None where N_v is not told apart.
+    /// `None` if N_v is not separate.
     pub params_vocab: Option<PowerLaw>,
-    /// The law of N where N_v is not told apart.
+    /// The law of N, if N_v is not separate.
     pub params_nonvocab: PowerLaw,
     pub tokens: PowerLaw,
-    /// N_v in N_nv (ScaMo Eq. 10); none where N_nv does not vary or N_v is not told apart.
+    /// N_v in N_nv (ScaMo Eq. 10); `None` if N_nv does not vary or N_v is not separate.
     pub vocab_from_nonvocab: Option<PowerLaw>,
     pub log: LogLaw,
     /// None for fewer than three C, or if the loss does not fall with C.
@@ -109,7 +108,7 @@ impl LawSet {
         law_set(&columns, geometric_mean(&columns.compute), options)
     }
 
-    /// The power laws by what they are laws of; that of N_v only if `several` vocabularies were tried.
+    /// The power laws by quantity; N_v only if `several` vocabularies were tried.
     pub fn powers(&self, several: bool, parameters: Parameters) -> PowerLaws {
         let all = PowerLaws {
             params_nonvocab: Some(self.params_nonvocab.clone()),
@@ -120,7 +119,7 @@ impl LawSet {
         all.under(parameters)
     }
 
-    /// The coefficients as one bootstrap replicate keeps them; none where one is not finite.
+    /// The coefficients of one bootstrap replicate; `None` if one is not finite.
     pub fn sample(&self) -> Option<LawSample> {
         let vocab = self.params_vocab.as_ref();
         let sample = LawSample {
@@ -205,7 +204,7 @@ impl Columns {
     }
 }
 
-/// The laws through `columns` around C0 = `reference`; none where C does not vary.
+/// The laws through `columns` around C0 = `reference`; none if C does not vary.
 pub(super) fn law_set(columns: &Columns, reference: f64, options: &FitOptions) -> Option<LawSet> {
     let in_compute = |y| power_law(&columns.compute, y, reference, &columns.weights, options.huber);
     let params_vocab = match options.parameters {

@@ -13,9 +13,9 @@ pub struct PowerLaw {
     /// ln y at the reference budget of [`Laws::reference_flops`](crate::laws::Laws::reference_flops); the well-determined intercept.
     /// For N_v in N_nv it is ln N_v at the geometric mean of the fitted N_nv.
     pub ln_at_reference: f64,
-    /// 1 − RSS/TSS in ln y; 0 where y does not vary, and where a published law gives none (`n` 0).
+    /// 1 − RSS/TSS in ln y; 0 if y does not vary, and where a published law gives none (`n` 0).
     pub r2: f64,
-    /// 95 % bootstrap percentile interval; absent where too few points allow none.
+    /// 95 % bootstrap percentile interval; absent if too few points allow none.
     pub exponent_ci95: Option<[f64; 2]>,
     pub ln_at_reference_ci95: Option<[f64; 2]>,
     pub log10_coefficient_ci95: Option<[f64; 2]>,
@@ -29,7 +29,7 @@ impl PowerLaw {
         10f64.powf(self.log10_coefficient + self.exponent * x.log10())
     }
 
-    /// R², where it says something: a line goes through any two points.
+    /// R², with more than two points.
     pub fn told_r2(&self) -> Option<f64> {
         (self.n > 2).then_some(self.r2)
     }
@@ -52,9 +52,9 @@ impl PowerLaw {
 /// The power law y = y(x0) (x/x0)^exponent through points, least squares in ln y, x0 being
 /// `reference`.
 ///
-/// `weights` is one positive number a point. With `huber`, its δ in units of the residuals' scaled
-/// MAD, distant points count linearly; see [`crate::laws::input::FitOptions::huber`]. None where there are
-/// fewer than two points or x does not vary. All values must be positive.
+/// `weights` has one positive number per point. With `huber`, its δ in units of the residuals' scaled MAD, distant
+/// points count linearly; see [`crate::laws::input::FitOptions::huber`]. `None` with fewer than two points or if x
+/// does not vary. All values must be positive.
 pub fn power_law(
     x: &[f64],
     y: &[f64],
@@ -71,7 +71,7 @@ pub fn power_law(
     Some(from_line(&line, &x, &y, reference, weights))
 }
 
-/// The law that a line in natural logarithms stands for.
+/// The law of a line in natural logarithms.
 pub(super) fn from_line(
     line: &Line,
     ln_x: &[f64],
@@ -97,10 +97,10 @@ pub(super) fn from_line(
 // points cannot move, and stays fixed: the objective is then convex, so the iteration finds its
 // one minimum from any start.
 
-/// Huber's line with `delta` in units of the scaled MAD; none where x does not vary.
+/// Huber's line with `delta` in units of the scaled MAD; none if x does not vary.
 ///
-/// Where more than half of the points lie on the Theil-Sen line, so that s is 0, that line is the
-/// answer: it is the limit of Huber's as s → 0.
+/// If more than half of the points lie on the Theil-Sen line, so that s is 0, that line is returned: it is the limit
+/// of Huber's as s → 0.
 fn huber_line(x: &[f64], y: &[f64], weights: &[f64], delta: f64) -> Option<Line> {
     let line = theil_sen(x, y)?;
     let scale = SD_PER_MAD * median_residual(&line, x, y);

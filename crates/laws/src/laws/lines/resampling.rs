@@ -1,30 +1,26 @@
-//! How sure laws are: replicates of a sweep, for intervals, and budgets that laws have not seen.
+//! Uncertainty of laws: replicates of a sweep, for intervals, and errors on budgets left out of the fit.
 //!
-//! A replicate keeps every cell of the sweep and adds to its mean loss a normal draw of the runs'
-//! own noise, σ/√S for a cell of S runs; minima and laws are then found anew. σ is estimated
+//! A replicate keeps every cell of the sweep and adds to its mean loss a normal draw of run noise, σ/√S for a cell of S
+//! runs; minima and laws are then refitted. σ is estimated
 //! ([`run_noise`](crate::laws::noise::run_noise)), so each replicate draws its own, σ √(ν/χ²_ν), which
-//! makes the intervals as wide as Student's where the degrees of freedom ν are few. Where σ comes from
-//! several runs of each cell this is the bootstrap clustered by seed, in its parametric form: drawing
-//! among two or three runs with replacement would understate their variance by a half or a third.
-//! Runs themselves are not drawn, because a resample leaves a third of the cells out, and the
-//! intervals then hold the choice of the grid too and cover too often.
+//! makes the intervals as wide as Student's if the degrees of freedom ν are few. If σ comes from several runs per
+//! cell, this is the bootstrap clustered by seed, in its parametric form: drawing among two or three runs with
+//! replacement would understate their variance by a half or a third. Runs themselves are not drawn, because a
+//! resample leaves out a third of the cells; intervals would then include the choice of the grid and cover too often.
 //!
-//! The means hold the runs' noise already, and a replicate has it twice. What is chosen as the lowest
-//! of several means, the vocabulary of each size, is so chosen under more noise than in the sweep.
-//! Measured over simulated sweeps (`docs/coverage.md`), the percentiles of such replicates cover as
-//! they should; basic intervals cover too little, and noise around a smooth surface instead of the
-//! means brings in that surface's misfit.
+//! The means contain run noise already, so a replicate has it twice: the lowest of several means, the vocabulary of
+//! each size, is chosen under more noise than in the sweep. In simulated sweeps (`docs/coverage.md`) the
+//! percentiles of such replicates have the right coverage; basic intervals cover too little, and noise around a
+//! smooth surface instead of the means adds that surface's misfit.
 //!
-//! Four things move a replicate beside the runs' own noise. Tokenizers: all runs with a vocabulary move
-//! together, by the scatter between its tokenizers. Misfit: where runs lie further from the curves
-//! than they scatter, they are moved by as much more. The method: laws go through the minima of each
-//! kind of curve in turn. The test split: cells move by what each finds harder on other clips than the
-//! others do. Each can be asked for alone ([`Sources`]). The last moves laws alone: minima are compared
-//! with forecasts that were measured on the same clips.
+//! Four more sources of error perturb a replicate. Tokenizers: all runs of a vocabulary move together, by the scatter
+//! between its tokenizers. Misfit: if the curves miss the runs by more than noise, runs move by as much more. Method:
+//! laws use the minima of each kind of curve in turn. Test split: cells move by the slopes of other clips. Each can
+//! be asked for alone ([`Sources`]). The last one moves only laws: minima are compared with forecasts measured on
+//! the same clips.
 //!
-//! A budget whose replicate has no minimum inside the grid is left out of that replicate's laws, as
-//! the fit itself would leave it out, unless flagged minima are kept; then it counts with its best
-//! run, as in the fit.
+//! A budget without a minimum inside the grid is left out of that replicate's laws, as in the fit, unless flagged
+//! minima are kept; then its best run counts, as in the fit.
 //!
 //! Replicate i draws from ChaCha8's stream i of the seed, so the samples do not depend on the
 //! number of threads.
@@ -39,7 +35,7 @@ use crate::laws::noise::{OtherClips, TestNoise, TokenizerNoise};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// What the replicates are made of.
+/// The input of the replicates.
 #[derive(Clone)]
 pub(in crate::laws) struct Bootstrap<'a> {
     /// The cells of each budget.
@@ -55,7 +51,7 @@ pub(in crate::laws) struct Bootstrap<'a> {
     pub noise: RunNoise,
     pub tokenizers: Option<&'a TokenizerNoise>,
     pub test: Option<&'a TestNoise>,
-    /// How many times the variance of the runs their distance from the curves is; at least 1.
+    /// The ratio of the squared distance from the curves to the variance of runs; at least 1.
     pub misfit: f64,
     /// The kinds of minimum that laws may go through, as indices into `methods`.
     pub admissible: Vec<usize>,
@@ -63,7 +59,7 @@ pub(in crate::laws) struct Bootstrap<'a> {
     pub options: &'a FitOptions,
 }
 
-/// What an interval holds.
+/// The sources of error in an interval.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::laws) struct Sources {
     pub runs: bool,
@@ -78,10 +74,10 @@ impl Sources {
         Self { runs: true, tokenizers: true, misfit: true, method: true, test: true };
 }
 
-/// What one replicate gave.
+/// The result of one replicate.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::laws) struct Replicate {
-    /// None where fewer than two budgets have a minimum.
+    /// `None` if fewer than two budgets have a minimum.
     pub laws: Option<ReplicateLaws>,
     /// N_nv, N_v and L of the minima: for each method every budget.
     pub minima: Vec<[f64; 3]>,
@@ -122,7 +118,7 @@ impl Bootstrap<'_> {
         }
     }
 
-    /// Which kind of minimum a replicate's laws go through.
+    /// The kind of minimum of a replicate's laws.
     fn method_of(&self, stream: u64) -> Option<usize> {
         match self.sources.method {
             true => self.admissible.get(stream as usize % self.admissible.len().max(1)).copied(),
@@ -138,7 +134,7 @@ impl Bootstrap<'_> {
         variance.sqrt() * of_budget(grid, self.noise)
     }
 
-    /// The laws through the minima of the fitted budgets, those of the budgets used.
+    /// The laws through the minima of the fitted budgets.
     fn laws(&self, fitted: &[Minimum]) -> Option<ReplicateLaws> {
         let is_used = |m: &&Minimum| {
             let used = self.used.iter().any(|used| used.budget_flops == m.budget_flops);
@@ -160,11 +156,10 @@ fn on_other_clips(clips: &OtherClips, method: MinimumMethod, grids: &[Grid]) -> 
     grids.iter().map(|grid| of_grid(method, &moved(grid))).collect()
 }
 
-/// Degrees of freedom that the scatter over all budgets counts as, beside a budget's own.
+/// Degrees of freedom of the pooled scatter, added to a budget's own.
 const POOLED_DOF: f64 = 5.0;
 
-/// The scatter of one budget's runs: its own seeds', drawn towards that of all budgets where there are
-/// few.
+/// The noise of one budget's runs: from its own seeds, shrunk towards the pooled noise if they are few.
 fn of_budget(grid: &Grid, pooled: RunNoise) -> f64 {
     if pooled.source != NoiseSource::Seeds {
         return pooled.sd;
@@ -174,8 +169,8 @@ fn of_budget(grid: &Grid, pooled: RunNoise) -> f64 {
     ((spread + POOLED_DOF * pooled.sd.powi(2)) / (dof as f64 + POOLED_DOF)).sqrt()
 }
 
-/// Minima in the order of [`Replicate::minima`] with their intervals. One has none where the best run stands in
-/// for a minimum, whose interval would be that of another thing.
+/// Minima in the order of [`Replicate::minima`] with their intervals; no interval if the best run replaces a
+/// minimum.
 pub(in crate::laws) fn minima_with_intervals(
     minima: impl Iterator<Item = Minimum>,
     replicates: &[Replicate],
@@ -207,23 +202,23 @@ pub enum ValidationKind {
     RollForward,
 }
 
-/// What laws that had not seen a budget say of it, against its measured minimum.
+/// The errors of laws at a budget left out of their fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Validation {
     pub kind: ValidationKind,
     pub budget_flops: f64,
-    /// How many budgets the laws were fitted to.
+    /// The number of budgets fitted.
     pub n_fitted: usize,
     /// Predicted less measured loss by the log law, in nats.
     pub log_error: f64,
-    /// The same by the floor law, where three budgets or more give one.
+    /// The same by the floor law, with three budgets or more.
     pub floor_error: Option<f64>,
-    /// Predicted over measured N, where N_nv and N_v are not told apart.
+    /// Predicted over measured N, if N_nv and N_v are not separate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub params_ratio: Option<f64>,
     /// Predicted over measured N_nv.
     pub params_nonvocab_ratio: Option<f64>,
-    /// Predicted over measured N_v, where several vocabularies were tried.
+    /// Predicted over measured N_v, if several vocabularies were tried.
     pub params_vocab_ratio: Option<f64>,
     /// Predicted over measured D.
     pub tokens_ratio: f64,
@@ -241,7 +236,7 @@ pub(in crate::laws) fn validate(
 ) -> Vec<Validation> {
     let has_vocab_law = n_vocabularies(grids) > 1;
     let is_total = options.parameters == Parameters::Total;
-    // What the laws through `from` say of a budget, against what was measured there.
+    // The errors at a budget of the laws fitted to `from`.
     let predicted = |kind, measured: &Minimum, from: &[Minimum]| {
         let laws = LawSet::through(from, grids, options).filter(|_| from.len() >= FEWEST)?;
         let at = measured.budget_flops;

@@ -1,9 +1,8 @@
-//! Least squares of a model by Levenberg and Marquardt's damped steps, as a solver of argmin; and by it a
-//! straight line through points.
+//! Least squares by Levenberg and Marquardt's damped steps, as a solver of argmin; and a straight line by it.
 //!
-//! The power laws, the log law and the joint law are fitted by it. Two fits have other solvers of
-//! argmin: approach 3 knows its second derivatives, and of the law with a floor one exponent is left
-//! once the rest is projected out, the zero of a slope, which is known to more digits than a least sum.
+//! It fits the power laws, the log law and the joint law. Two fits have other solvers of argmin: approach 3 has second
+//! derivatives, and the law with a floor has a single exponent once the rest is projected out; the zero of a slope
+//! is more precise than a least sum.
 
 use argmin::core::{
     Error, Executor, IterState, KV, Problem as Counted, Solver, State, TerminationReason,
@@ -21,13 +20,13 @@ pub(in crate::laws) const MOST_STEPS: usize = 200;
 /// Relative fall of the sum of squares below which a step counts as none.
 const DONE: f64 = 1e-12;
 const MOST_DAMPING: f64 = 1e12;
-/// The fall, relative to the sum, that a full step promises where it is below rounding.
+/// Relative fall promised by a full step below which only rounding remains.
 const EXACT: f64 = 1e-24;
 
 /// Residuals of a model.
 pub(in crate::laws) trait Residuals<const N: usize = MOST> {
-    /// Whether steps are taken in full and untested: a linear model is at its least after one of them,
-    /// and those of Huber's weights never go uphill.
+    /// Whether steps are taken in full without a test: a linear model is at its minimum after one step, and steps with
+    /// Huber's weights never go uphill.
     const FULL_STEPS: bool = false;
     /// The sum of their squares.
     fn sum(&self, values: &[f64]) -> f64;
@@ -92,7 +91,7 @@ impl<const N: usize, P: Residuals<N>> Solver<&P, Iterate> for Levenberg<N> {
 }
 
 impl<const N: usize> Levenberg<N> {
-    /// The next sum and its values; none where no step is worth taking.
+    /// The next sum and its values; `None` if no step helps.
     fn downhill<P: Residuals<N>>(
         &mut self,
         problem: &P,
@@ -181,7 +180,7 @@ pub(in crate::laws) struct Points<'a> {
 }
 
 impl<'a> Points<'a> {
-    /// None where x does not vary.
+    /// `None` if x does not vary.
     pub fn new(x: &'a [f64], y: &'a [f64], weights: &'a [f64]) -> Option<Self> {
         let total: f64 = weights.iter().sum();
         let centre = mean(x, weights);
@@ -211,7 +210,7 @@ impl<'a> Points<'a> {
     }
 }
 
-/// Steps of reweighted least squares, which are Newton's where no residual is far.
+/// Steps of reweighted least squares, equal to Newton's if no residual is large.
 impl Residuals<2> for Points<'_> {
     const FULL_STEPS: bool = true;
 
@@ -236,7 +235,7 @@ fn mean(values: &[f64], weights: &[f64]) -> f64 {
     sum / weights.iter().sum::<f64>()
 }
 
-/// The least-squares line around the weighted mean of x; none where x does not vary.
+/// The least-squares line around the weighted mean of x; none if x does not vary.
 ///
 /// One step from the flat line through the mean. Its sums are of deviations from the means: the
 /// textbook Σxy − n x̄ȳ would lose, at ln C ≈ 40, three of the digits that the exponents need.

@@ -1,4 +1,4 @@
-//! Statistics, lines, least squares and draws that know nothing of runs; here systems of linear equations.
+//! Statistics, lines, least squares and random draws, independent of runs; here systems of linear equations.
 
 pub(in crate::laws) mod engine;
 pub(in crate::laws) mod stats;
@@ -16,11 +16,11 @@ pub struct LeastSquares {
     pub rss: f64,
     /// Rows minus coefficients.
     pub dof: usize,
-    /// R of X = QR, column by column, `dof + p` values each; what is below its diagonal is not read.
+    /// R of X = QR, column by column, `dof + p` values each; entries below its diagonal are not read.
     r: Vec<f64>,
 }
 
-/// Solves X c ≈ y for the rows of X; none where the rows do not determine every coefficient.
+/// Solves X c ≈ y for the rows of X; `None` if the rows do not determine every coefficient.
 ///
 /// Householder's QR works on X itself, so the error grows with the condition of X and not, as for
 /// the normal equations, with its square.
@@ -42,7 +42,7 @@ pub fn least_squares(rows: &[Vec<f64>], y: &[f64]) -> Option<LeastSquares> {
     Some(LeastSquares { coefficients, rss, dof: n - p, r: columns })
 }
 
-/// Clears column `j` of `n` values below the diagonal; none where it depends on those before it.
+/// Clears column `j` of `n` values below the diagonal; `None` if it depends on earlier columns.
 fn reflect(columns: &mut [f64], n: usize, j: usize) -> Option<()> {
     let (column, rest) = columns[n * j..].split_at_mut(n);
     let size = |values: &[f64]| values.iter().map(|x| x.powi(2)).sum::<f64>().sqrt();
@@ -89,7 +89,7 @@ impl LeastSquares {
 // Systems of a handful of equations, on the stack.
 
 /// The first `n` entries of the solution of (M + `damping` I) s = b by Cholesky, from the lower half of M;
-/// none where that matrix is not positive definite.
+/// none if that matrix is not positive definite.
 pub(in crate::laws) fn solve<const N: usize>(
     m: &[[f64; N]; N],
     damping: f64,

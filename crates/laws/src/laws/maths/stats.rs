@@ -68,13 +68,13 @@ pub fn interval95(values: impl IntoIterator<Item: Borrow<f64>>) -> Option<[f64; 
     Some([end(0.025), end(0.975)]).filter(|ends| ends.iter().all(|end| end.is_finite()))
 }
 
-/// The value at a rank counted from 0, between its neighbours where it is no integer.
+/// The value at a rank counted from 0, interpolated if it is no integer.
 fn at_rank(sorted: &[f64], rank: f64) -> f64 {
     let (below, above) = (sorted[rank.floor() as usize], sorted[rank.ceil() as usize]);
     below + (rank - rank.floor()) * (above - below)
 }
 
-/// 1 − RSS/TSS with weights; 0 where y does not vary.
+/// 1 − RSS/TSS with weights; 0 if y does not vary.
 pub(in crate::laws) fn r2(y: &[f64], fitted: &[f64], weights: &[f64]) -> f64 {
     let total: f64 = weights.iter().sum();
     let mean = weights.iter().zip(y).map(|(w, y)| w * y).sum::<f64>() / total;
@@ -113,11 +113,11 @@ pub fn student_t95(dof: usize) -> f64 {
     z + first / nu + second / nu.powi(2) + third / nu.powi(3)
 }
 
-/// The probability that a sum of squares of `dof` normal numbers exceeds `chi2`, the numbers being in
-/// units of a deviation that is itself known to `scale_dof` degrees of freedom only.
+/// The probability that a sum of squares of `dof` normal numbers exceeds `chi2`, with the numbers in units of a
+/// standard deviation that is itself estimated with `scale_dof` degrees of freedom.
 ///
 /// It is the tail of Snedecor's F at χ²/ν, by Paulson's normal approximation (Abramowitz & Stegun
-/// 26.6.15), right to two digits where it is above 1e-4.
+/// 26.6.15), right to two digits above 1e-4.
 pub fn chi_square_tail(chi2: f64, dof: usize, scale_dof: usize) -> f64 {
     let (a, b) = (2.0 / (9.0 * dof as f64), 2.0 / (9.0 * scale_dof as f64));
     let root = (chi2 / dof as f64).cbrt();
@@ -138,7 +138,7 @@ pub struct Estimate {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Difference {
     pub value: f64,
-    /// `None` where one has no interval.
+    /// `None` if one has no interval.
     pub ci95: Option<[f64; 2]>,
     /// Whether the interval leaves out zero.
     pub differs: Option<bool>,
@@ -178,8 +178,8 @@ pub struct Normals {
 }
 
 impl Normals {
-    /// Stream `stream` of `seed`: streams do not overlap, so what a replicate draws does not depend
-    /// on the order or the thread it is drawn in.
+    /// Stream `stream` of `seed`: streams do not overlap, so the draws of a replicate do not depend on order or
+    /// thread.
     pub fn of_stream(seed: u64, stream: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(stream);

@@ -9,7 +9,7 @@ use crate::laws::input::{MinimumMethod, Size};
 use crate::laws::maths::stats::extent;
 use crate::laws::maths::{LeastSquares, least_squares};
 
-/// How often a valley is moved to where its curve has the minimum.
+/// Most times that a valley is recentred on its curve's minimum.
 const MOVES: usize = 4;
 
 /// The minimum of the polynomial of `degree` 2 or 3 through the valley of a grid, which is moved until the
@@ -34,7 +34,7 @@ fn nearest(grid: &Grid, ln_size: f64) -> usize {
     (0..grid.sizes.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or_default()
 }
 
-/// The minimum of the polynomial through the valley round one size, and where it lies, inside or not.
+/// The minimum of the polynomial through the valley around one size, and whether it lies inside.
 fn through(
     method: MinimumMethod,
     degree: usize,
@@ -75,7 +75,7 @@ fn powers(z: f64, degree: usize) -> Vec<f64> {
     (0..=degree).map(|power| z.powi(power as i32)).collect()
 }
 
-/// Where the polynomial has its local minimum; none where it has none.
+/// The local minimum of the polynomial; `None` if it has none.
 ///
 /// For the cubic it is the root of c1 + 2 c2 z + 3 c3 z² with a positive second derivative, written
 /// so that it neither cancels nor breaks down as c3 → 0.
@@ -101,8 +101,8 @@ fn curvature(fit: &LeastSquares, z: f64, runs: f64) -> Curvature {
 //
 // H. Akima, "A new method of interpolation and smooth curve fitting based on local procedures",
 // J. ACM 17 (1970): a cubic between each two sizes, whose slopes at the sizes depend on the two
-// neighbours on either side alone. It passes through every size, so it smooths no noise; it has no
-// shape of its own either, so it shows where a parabola's or a cubic's shape moves a minimum.
+// neighbours on either side alone. It passes through every size, so it smooths no noise; but it has no
+// fixed shape, so it shows if the shape of a parabola or a cubic moves a minimum.
 
 /// Each slope looks at two sizes on either side.
 const FEWEST_SIZES: usize = 5;
@@ -132,7 +132,7 @@ fn knot(same: &[Size]) -> (f64, f64) {
     (mean(|size| size.best.params_nonvocab.ln()), mean(|size| size.best.loss))
 }
 
-/// x and y of the spline's lowest point; none where an end of the range is as low.
+/// x and y of the spline's lowest point; `None` if an end of the range is as low.
 fn lowest_inside(x: &[f64], y: &[f64]) -> Option<(f64, f64)> {
     let slopes = knot_slopes(x, y);
     let pieces = 0..x.len() - 1;
@@ -185,7 +185,7 @@ impl Piece {
         self.c.iter().rev().fold(0.0, |sum, c| sum * t + c)
     }
 
-    /// Where c1 + 2 c2 t + 3 c3 t² = 0, by the form of the roots that does not cancel.
+    /// The root of c1 + 2 c2 t + 3 c3 t², by the formula without cancellation.
     fn stationary(&self) -> impl Iterator<Item = f64> + use<> {
         let [_, c1, c2, c3] = self.c;
         let (a, b, c) = (3.0 * c3, 2.0 * c2, c1);
@@ -240,8 +240,7 @@ fn along_sizes(
     }
 }
 
-/// The sizes whose best vocabulary is known: the others only bound theirs. All, where that leaves
-/// fewer than two.
+/// The sizes whose best vocabulary lies inside the range; all sizes if these are fewer than two.
 fn with_known_vocabulary(sizes: &[Size]) -> Vec<Size> {
     let known: Vec<Size> = sizes.iter().filter(|size| !size.at_edge).cloned().collect();
     if known.len() < 2 { sizes.to_vec() } else { known }

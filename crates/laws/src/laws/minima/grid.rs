@@ -11,7 +11,7 @@ pub(in crate::laws) struct Grid {
     pub budget_flops: f64,
     pub n_runs: usize,
     pub cells: Vec<Cell>,
-    /// Those of each smaller share of the data, the smallest share first. A joint law alone looks at them.
+    /// The grids of smaller shares of the data, the smallest first; only a joint law uses them.
     pub smaller: Vec<Vec<Cell>>,
     pub sizes: Vec<Size>,
     best: usize,
@@ -45,19 +45,19 @@ impl Grid {
         Self { smaller, ..Self::of_cells(self.budget_flops, self.n_runs, cells) }
     }
 
-    /// The grid of the runs that saw a smaller share of the data; none where there are none.
+    /// The grid of a smaller share of the data; `None` without runs.
     pub fn of_share(&self, share: f64) -> Option<Self> {
         let cells = self.smaller.iter().find(|cells| cells[0].share == share)?;
         let n_runs = cells.iter().map(|cell| cell.runs).sum::<f64>().round() as usize;
         Some(Self::of_cells(self.budget_flops, n_runs, cells.clone()))
     }
 
-    /// The cells of every share of the data, those of the largest first.
+    /// The cells of every share of the data, the largest share first.
     pub fn of_all_shares(&self) -> impl Iterator<Item = &[Cell]> {
         [&self.cells].into_iter().chain(&self.smaller).map(Vec::as_slice)
     }
 
-    /// The best vocabulary of each size with N_nv + N_v as its one number of parameters; none where
+    /// The best vocabulary of each size with N_nv + N_v as its one number of parameters; none if
     /// N_v is not known.
     pub fn with_total_size(&self) -> Option<Self> {
         let total = |size: &Size| Cell {
@@ -72,7 +72,7 @@ impl Grid {
         self.best().has_vocabulary().then(grid)
     }
 
-    /// Runs that a cell's mean is worth, on average.
+    /// Mean effective number of runs per cell.
     pub fn runs_of_a_cell(&self) -> f64 {
         self.cells.iter().map(|cell| cell.runs).sum::<f64>() / self.cells.len() as f64
     }
@@ -81,7 +81,7 @@ impl Grid {
         &self.cells[self.best]
     }
 
-    /// What is in doubt of a minimum at `ln_nonvocab`, by the sizes on either side of it.
+    /// The flags of a minimum at `ln_nonvocab`, by the sizes on either side.
     pub fn doubts_at(&self, ln_nonvocab: f64) -> Vec<MinimumFlag> {
         let below = |size: &Size| size.best.params_nonvocab.ln() <= ln_nonvocab;
         let above = self.sizes.partition_point(below);
@@ -91,7 +91,7 @@ impl Grid {
         }
     }
 
-    /// What is in doubt of the best run, by the sizes next to its own.
+    /// The flags of the best run, by the neighbouring sizes.
     pub fn doubts_of_best(&self) -> Vec<MinimumFlag> {
         let own = self.best().params_nonvocab;
         let around = |pair: &&[Size]| pair.iter().any(|size| size.best.params_nonvocab == own);
@@ -116,7 +116,7 @@ impl Grid {
         }
     }
 
-    /// Where the best run's size stands among the sizes.
+    /// The index of the best run's size.
     pub fn best_size(&self) -> usize {
         let own = self.best().params_nonvocab;
         self.sizes.partition_point(|size| size.best.params_nonvocab < own)
@@ -158,9 +158,9 @@ impl Grid {
         self.cells.iter().filter(within).cloned().collect()
     }
 
-    /// How far below the best run a minimum may lie that no run has: three times the `noise` of a run, and a
-    /// quarter of the rise to the cells two steps beside it. A parabola through even steps lies below its
-    /// best cell by an eighth of that at most.
+    /// The largest depth of a minimum below the best run: three times the `noise` of a run, plus a quarter of the rise
+    /// to the cells two steps away. A parabola through equal steps lies below its best cell by at most an eighth of
+    /// that.
     pub fn most_below_best(&self, noise: f64) -> f64 {
         let best = self.best_size();
         let beside = best.saturating_sub(2)..(best + 3).min(self.sizes.len());
@@ -175,8 +175,8 @@ impl Grid {
         [0, self.sizes.len() - 1].contains(&self.best_size())
     }
 
-    /// The flag where several vocabularies were tried and the best run's is the smallest or the
-    /// largest that was tried at its size. One vocabulary alone is no axis, so it has no edge.
+    /// The flag if the best run has the smallest or the largest of several vocabularies tried at its size. A single
+    /// vocabulary has no edge.
     pub fn vocab_edge(&self) -> Vec<MinimumFlag> {
         if self.n_vocabularies() < 2 {
             return Vec::new();
@@ -193,9 +193,9 @@ impl Grid {
     }
 }
 
-/// How far a valley reaches at least, in ln N.
+/// Least half-width of a valley, in ln N.
 const VALLEY: f64 = 1.386;
-/// Sizes, or vocabularies, that a valley has where there are so many.
+/// Least number of sizes, or vocabularies, in a valley, if available.
 const FEWEST_APART: usize = 5;
 /// Sizes closer than this in ln N count as one.
 const SAME: f64 = 0.05;
@@ -218,11 +218,11 @@ fn doubts_between(left: &Size, right: &Size) -> Vec<MinimumFlag> {
     ])
 }
 
-/// How far above its budget's best a cell counts a half, in units of the noise of a run.
+/// The loss above its budget's best at which a cell has half the weight, in units of run noise.
 const HALF_COUNTED: f64 = 5.0;
 
-/// How much a cell counts that lies `above` the best of its budget: no smooth form holds everywhere,
-/// and a law is asked of the valley.
+/// The weight of a cell that lies `above` the best of its budget: no smooth form holds everywhere, and predictions
+/// need the valley.
 pub(in crate::laws) fn valley(above: f64, noise: f64) -> f64 {
     1.0 / (1.0 + (above / (HALF_COUNTED * noise)).powi(2))
 }
@@ -250,7 +250,7 @@ impl Scale {
     }
 }
 
-/// How many vocabularies were tried.
+/// The number of vocabularies tried.
 pub(in crate::laws) fn n_vocabularies(grids: &[Grid]) -> usize {
     distinct(grids.iter().flat_map(|grid| &grid.cells).map(|cell| cell.n_vocab)).len()
 }
@@ -271,7 +271,7 @@ fn lost(grid: &Grid) -> impl Iterator<Item = &Cell> {
 
 // The unit of a loss.
 
-/// How much the best loss of tables of language models falls for each factor e of the budget, in nats.
+/// Typical fall of the best loss of language models per factor e of the budget, in nats.
 const FALL: f64 = 0.1;
 
 /// How much of the loss is worth a nat. L_u is in nats; any other loss may be in bits, or in bits a byte, and its
@@ -290,7 +290,7 @@ pub(in crate::laws) fn loss_unit(grids: &[Grid]) -> f64 {
 }
 
 impl RunNoise {
-    /// The standard deviation of a run of some grids; a guess where it is not known.
+    /// The standard deviation of a run of some grids; a guess if unknown.
     pub(in crate::laws) fn sd_or_guess(noise: Option<Self>, grids: &[Grid]) -> f64 {
         let known = noise.map(|noise| noise.sd).filter(|sd| *sd > 0.0);
         known.unwrap_or_else(|| Self::GUESS * loss_unit(grids))

@@ -1,4 +1,4 @@
-//! What a budget has its minimum at, how far that is to be trusted, and which minima laws are fitted to.
+//! The minimum of a budget, its flags, and the choice of minima for laws.
 
 use std::fmt;
 
@@ -23,8 +23,8 @@ pub enum MinimumFlag {
     FewLevels,
     /// The best vocabulary is the smallest or the largest tried.
     VocabNotBracketed,
-    /// A size beside the minimum is best with the smallest or the largest vocabulary tried, so that
-    /// its own optimum is not known.
+    /// A size next to the minimum is best with the smallest or the largest vocabulary tried, so its optimum is
+    /// unknown.
     EdgeVocab,
     /// The runs lie further from the curve than their scatter allows.
     LackOfFit,
@@ -52,16 +52,16 @@ pub(super) fn raised<const N: usize>(flags: [(bool, MinimumFlag); N]) -> Vec<Min
 pub struct Minimum {
     pub method: MinimumMethod,
     pub budget_flops: f64,
-    /// What a run at the minimum spends under the rule that the fit uses, as interpolated from the
-    /// runs; it leaves `budget_flops` behind where the sweep was planned under another rule.
+    /// FLOPs at the minimum by the rule of the fit, interpolated from the runs; differs from `budget_flops` if the
+    /// sweep was planned by another rule.
     pub flops: f64,
     pub params_nonvocab: f64,
     pub params_vocab: f64,
     pub n_vocab: f64,
     pub tokens: f64,
     pub loss_normalised: f64,
-    /// 95 % intervals; absent where the noise of the runs is not known, and where the best run stands
-    /// in for a minimum that is not inside the grid.
+    /// 95 % intervals; absent if run noise is unknown, or if the best run replaces a minimum that is not inside the
+    /// grid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ci95: Option<MinimumIntervals>,
     pub flags: Vec<MinimumFlag>,
@@ -70,12 +70,12 @@ pub struct Minimum {
     pub trusted: bool,
 }
 
-/// What a law asks for at a budget; `params_nonvocab` is N, and N_v is 0, if the law knows N alone.
+/// The optimum of a law at a budget; `params_nonvocab` is N, and N_v is 0, if the law has only N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Optimum {
     pub params_nonvocab: f64,
     pub params_vocab: f64,
-    /// V, if the law tells it.
+    /// V, if the law has it.
     pub n_vocab: Option<f64>,
     pub tokens: f64,
     pub loss: f64,
@@ -87,13 +87,13 @@ pub(super) struct Located {
     pub curvature: Option<Curvature>,
 }
 
-/// The smallest second derivative at a minimum, and what its interval needs.
+/// The smallest second derivative at a minimum, with the input of its interval.
 pub(super) struct Curvature {
     pub value: f64,
     /// Standard error for noise of unit standard deviation.
     pub unit_error: f64,
     pub rss: f64,
-    /// Runs that each point of the curve is worth.
+    /// Effective number of runs per point of the curve.
     pub runs: f64,
     pub dof: usize,
 }
@@ -107,7 +107,7 @@ impl Minimum {
         self.trusted = self.flags.is_empty();
     }
 
-    /// Whether laws may be fitted to it, be it in doubt or not: these flags alone do not say that there is none.
+    /// Whether laws may be fitted to it, flagged or not: false only for flags that mean there is no minimum.
     pub fn is_usable(&self) -> bool {
         use MinimumFlag::{DepthChange, EdgeVocab, Gap, LackOfFit};
         self.flags.iter().all(|flag| matches!(flag, EdgeVocab | LackOfFit | Gap | DepthChange))
@@ -122,12 +122,12 @@ impl Minimum {
 
 /// 95 % percentile intervals of a minimum over the bootstrap.
 ///
-/// Those of the kind [`MinimumMethod::Argmin`] step from run to run, and have no width where the
-/// same run is the best in every replicate: they do not know what lies between the runs.
+/// For [`MinimumMethod::Argmin`] they step from run to run, and have no width if the same run is best in every
+/// replicate: they ignore the space between runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MinimumIntervals {
     pub params_nonvocab: Option<[f64; 2]>,
-    /// Absent where N_v is not told apart.
+    /// Absent if N_v is not separate.
     pub params_vocab: Option<[f64; 2]>,
     pub loss_normalised: Option<[f64; 2]>,
 }
@@ -135,7 +135,7 @@ pub struct MinimumIntervals {
 /// Probability of a larger χ² below which curves misfit.
 const MISFIT: f64 = 0.01;
 
-/// How far runs lie from the curves of a method, against their own scatter.
+/// The distance of runs from the curves of a method, relative to their noise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LackOfFit {
     pub method: MinimumMethod,
@@ -152,8 +152,7 @@ impl LackOfFit {
         self.p < MISFIT
     }
 
-    /// How many times the variance of the runs their squared distance from the curves is, where the
-    /// curves misfit; else 1.
+    /// The ratio of the squared distance from the curves to the variance of runs, if the curves misfit; else 1.
     pub fn variance_ratio(&self) -> f64 {
         if self.is_misfit() { (self.chi2 / self.dof as f64).max(1.0) } else { 1.0 }
     }
@@ -161,14 +160,14 @@ impl LackOfFit {
 
 // The scatter of single runs.
 
-/// Where the scatter of single runs was read off.
+/// The source of the estimate of run noise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NoiseSource {
     /// Runs of one cell around their mean.
     Seeds,
-    /// Runs of one cell with several tokenizers, less what each tokenizer moves all its runs by; over
-    /// the better half of each budget's cells.
+    /// Runs of one cell with several tokenizers, minus the effect of each tokenizer; over the better half of each
+    /// budget's cells.
     Tokenizers,
     /// Cells around a polynomial of this degree over each budget's grid.
     Surface { degree: usize },
@@ -189,7 +188,7 @@ impl RunNoise {
     pub(in crate::laws) const GUESS: f64 = 0.02;
 }
 
-// What laws are fitted to.
+// The choice of minima for laws.
 
 /// Minima that laws go through, at least.
 const ENOUGH: usize = 3;
@@ -202,7 +201,7 @@ pub(in crate::laws) const PREFERRED: [MinimumMethod; 5] = [
     MinimumMethod::Argmin,
 ];
 
-/// The index of the held-out budget, if any; by default there is none of two.
+/// The index of the held-out budget, if any; by default none if there are two.
 ///
 /// # Errors
 /// [`FitError::TooFewBudgets`] and [`FitError::HoldOutAbsent`].
@@ -254,8 +253,8 @@ pub(in crate::laws) fn law_method(per_method: &ByMethod, options: &FitOptions) -
     method.or_else(of_runs).unwrap_or(PREFERRED[0])
 }
 
-/// The minima that a fit may use: those without a flag, or, where fewer than three are, those in doubt
-/// too; all where flagged ones are kept.
+/// The minima that a fit may use: unflagged ones, or, if these are fewer than three, flagged ones too; all if flagged
+/// ones are kept.
 pub(in crate::laws) fn usable(minima: &[Minimum], options: &FitOptions) -> Vec<Minimum> {
     let trusted = minima.iter().filter(|m| m.trusted).count();
     let use_it =
@@ -263,8 +262,8 @@ pub(in crate::laws) fn usable(minima: &[Minimum], options: &FitOptions) -> Vec<M
     minima.iter().filter(use_it).cloned().collect()
 }
 
-/// Whether minima tell an exponent: three that differ, since any line goes through two, and two best runs of
-/// one cell of the grid have a slope of 0 by the grid alone.
+/// Whether minima determine an exponent: at least three that differ, since a line fits any two, and two best runs of
+/// one cell have slope 0 because of the grid.
 pub(in crate::laws) fn tell_laws(used: &[Minimum]) -> bool {
     let differ = |of: fn(&Minimum) -> f64| distinct(used.iter().map(of)).len();
     let of_runs = |m: &Minimum| m.method == MinimumMethod::Argmin || m.is_best_run_instead();

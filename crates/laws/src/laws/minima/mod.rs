@@ -1,8 +1,7 @@
 //! The best configuration of each budget, by five methods.
 //!
-//! Every method averages over seeds first. Where a method finds no minimum inside what was tried,
-//! the values it reports are those of the best run, with the flag that says so: no minimum is ever
-//! extrapolated.
+//! Every method averages over seeds first. If a method finds no minimum inside the range tried, it reports the best
+//! run, with a flag: no minimum is ever extrapolated.
 
 mod curve;
 mod grid;
@@ -24,10 +23,9 @@ use crate::laws::maths::stats::{chi_square_tail, student_t95};
 
 /// The minimum of every budget by one method, in the order of `budgets`.
 ///
-/// The curvature is weak where its 95 % interval holds zero. The noise is taken to be alike at all
-/// budgets, so its variance is pooled over their residuals: a curve through three to five sizes
-/// leaves too few of its own. Where no budget leaves a residual (three sizes each), the interval
-/// is unknown and the flag is not raised; [`fit`](crate::laws::fit::fit()) says so.
+/// The curvature is weak if its 95 % interval contains zero. The noise is assumed equal at all budgets, so its variance
+/// is pooled over their residuals: a curve through three to five sizes has too few. If no budget has a residual (three
+/// sizes each), the interval is unknown and the flag is not set; [`fit`](crate::laws::fit::fit()) warns of it.
 pub fn minima(method: MinimumMethod, budgets: &[Budget]) -> Vec<Minimum> {
     of_grids(method, &budgets.iter().filter_map(Grid::new).collect::<Vec<_>>(), None)
 }
@@ -77,8 +75,8 @@ pub(in crate::laws) fn minima_by_method(
     methods.into_iter().map(|method| (method, of_grids(method, grids, scatter))).collect()
 }
 
-/// How far the runs of all budgets lie from the curves of a method, against their scatter; none where
-/// no curve leaves residuals.
+/// The distance of all runs from the curves of a method, relative to their noise; `None` if no curve has
+/// residuals.
 pub(super) fn lack_of_fit(
     method: MinimumMethod,
     grids: &[Grid],
@@ -95,7 +93,7 @@ fn lack(method: MinimumMethod, chi2: f64, dof: usize, scatter: RunNoise) -> Lack
 }
 
 impl Located {
-    /// How far the runs lie from the curve; none where it leaves no residuals.
+    /// The distance of the runs from the curve; `None` without residuals.
     fn lack_of_fit(&self, scatter: RunNoise) -> Option<LackOfFit> {
         let curve = self.curvature.as_ref().filter(|c| c.dof > 0 && scatter.sd > 0.0)?;
         let chi2 = curve.rss * curve.runs / scatter.sd.powi(2);

@@ -78,7 +78,7 @@ fn quadratic((u, v): (f64, f64)) -> Vec<f64> {
     vec![1.0, u, v, u * u, u * v, v * v]
 }
 
-/// Where the gradient vanishes; none unless the surface is convex.
+/// The zero of the gradient; `None` unless the surface is convex.
 fn stationary(c: &[f64]) -> Option<(f64, f64)> {
     let determinant = 4.0 * c[3] * c[5] - c[4] * c[4];
     if c[3] <= 0.0 || determinant <= 0.0 {
@@ -101,8 +101,8 @@ fn smallest_curvature(fit: &LeastSquares, grid: &Grid) -> Curvature {
     Curvature { value, unit_error: fit.unit_error(&gradient), rss: fit.rss, runs, dof: fit.dof }
 }
 
-/// The minimum at (u, v); what is not on the axes comes from planes in (u, v) through the cells,
-/// D by way of ln D(N_nv + N_v) as for the curves.
+/// The minimum at (u, v); other quantities come from planes in (u, v) through the cells, D by way of
+/// ln D(N_nv + N_v) as for the curves.
 fn interpolate(
     grid: &Grid,
     cells: &[Cell],
@@ -116,7 +116,7 @@ fn interpolate(
     };
     let params_nonvocab = axes.nonvocab.value_at(u).exp();
     let params_vocab = axes.vocab.value_at(v).exp();
-    // The best vocabulary of a size beside the minimum is not what a surface leans on.
+    // A surface does not use the best vocabulary of neighbouring sizes.
     let doubts = grid.doubts_at(params_nonvocab.ln()).into_iter();
     Minimum {
         method: MinimumMethod::Surface,
@@ -133,7 +133,7 @@ fn interpolate(
     }
 }
 
-/// Which edges of the grid a minimum lies at or beyond.
+/// The edges of the grid at or beyond which a minimum lies.
 fn outside(grid: &Grid, minimum: &Minimum, u: f64) -> Vec<MinimumFlag> {
     let [low, high] = extent(grid.cells.iter().map(|cell| cell.n_vocab));
     let beyond_sizes = u.abs() >= 1.0;
@@ -153,28 +153,28 @@ pub struct TriedCells {
     pub params_vocab: [f64; 2],
 }
 
-/// The cells whose loss the noise does not tell from that of the best one, which is among them.
+/// The cells whose loss is within noise of the best one, which is included.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TiedCells {
     pub params_nonvocab: [f64; 2],
     pub params_vocab: [f64; 2],
     pub tokens: [f64; 2],
-    /// Of the loss: two standard deviations of the best cell's mean around it.
+    /// The range of the loss: two standard deviations around the best cell's mean.
     pub loss: [f64; 2],
 }
 
-/// Where the loss of one budget is least, as far as its cells tell.
+/// The minimum of one budget by its cells.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CrossOptimum {
     pub params_nonvocab: f64,
     pub params_vocab: f64,
     pub n_vocab: f64,
-    /// What the FLOPs of the best cell buy there, by N_nv + N_v.
+    /// D for the FLOPs of the best cell, by N_nv + N_v.
     pub tokens: f64,
 }
 
 /// The vertex of a parabola in ln N_nv through the vocabulary with the most sizes, and of one in ln V
-/// through the size with the most vocabularies; none where neither has a vertex between its cells.
+/// through the size with the most vocabularies; none if neither has a vertex between its cells.
 pub fn cross_optimum(points: &[IsoFlopPoint]) -> Option<CrossOptimum> {
     if points.is_empty() {
         return None;
@@ -193,9 +193,8 @@ pub fn cross_optimum(points: &[IsoFlopPoint]) -> Option<CrossOptimum> {
     Some(CrossOptimum { params_nonvocab, params_vocab, n_vocab, tokens })
 }
 
-/// The cells that tie with the best one; none where neither repeated runs nor `run_sd`, the standard deviation of
-/// a run's loss elsewhere, tell the noise. The scatter of tokenizers, which sizes of one vocabulary share, is not
-/// counted.
+/// The cells that tie with the best one; `None` if the noise is unknown, with neither repeated runs nor `run_sd`, the
+/// standard deviation of a run from elsewhere. Tokenizer noise, common to the sizes of a vocabulary, is not counted.
 pub fn tied_cells(points: &[IsoFlopPoint], run_sd: Option<f64>) -> Option<TiedCells> {
     let cells = cells(&Vec::from_iter(points));
     let spread: f64 = cells.iter().map(|cell| cell.spread).sum();
@@ -226,7 +225,7 @@ fn longest(cells: &[Cell], value: impl Fn(&Cell) -> f64) -> Vec<&Cell> {
         .unwrap_or_default()
 }
 
-/// Where a parabola in ln x through the losses of at least three cells is least, if between them.
+/// The vertex of a parabola in ln x through the losses of at least three cells, if it lies between them.
 fn vertex(cells: &[&Cell], x: impl Fn(&Cell) -> f64) -> Option<f64> {
     if cells.len() < 3 || cells.iter().any(|cell| x(cell) <= 0.0) {
         return None;
@@ -243,7 +242,7 @@ fn vertex(cells: &[&Cell], x: impl Fn(&Cell) -> f64) -> Option<f64> {
     (bend > 0.0 && z.abs() < 1.0).then(|| scale.value_at(z).exp())
 }
 
-/// d = N_v/V of a model of N_nv, by a line in logarithms through the sizes, or that of the best cell.
+/// d = N_v/V at N_nv, by a line in logarithms through the sizes, or from the best cell.
 fn width(sizes: &[&Cell], best: &Cell, params_nonvocab: f64) -> f64 {
     if !best.has_vocabulary() {
         return 0.0;

@@ -1,4 +1,4 @@
-//! How much losses scatter: of one run, from the runs themselves, of tokenizers and of test splits.
+//! The noise of losses: of one run, of tokenizers and of test splits.
 
 mod test_split;
 mod tokenizers;
@@ -24,16 +24,14 @@ pub(super) struct Scatter<'a> {
 /// Share of a loss that rounding in means and fits may leave.
 const ROUNDING: f64 = 1e-13;
 
-/// The standard deviation of one run, pooled over the budgets; none where fewer than two degrees of
-/// freedom know it.
+/// The standard deviation of one run, pooled over the budgets; `None` with fewer than two degrees of freedom.
 ///
-/// A run of weight w counts as w runs in a mean, and every run scatters alike.
+/// A run of weight w counts as w runs in a mean; all runs have the same noise.
 ///
-/// Where cells hold several runs it is that of the runs around their cell's mean; in the better half of
-/// each budget's cells where the others scatter more: runs of few steps, far above the minimum, do, and
-/// one that diverged tells nothing of those beside it. Else it is that of the cells around a smooth
-/// surface over each budget's grid ([`of_surface`]), unless the runs of several tokenizers tell it:
-/// `beside`.
+/// If cells have several runs, it is the scatter around the cell's mean; only in the better half of each budget's cells
+/// if the other half scatters more, as runs of few steps and diverged runs do. Otherwise it is the scatter of the
+/// cells around a smooth surface over each budget's grid ([`of_surface`]), unless runs with several tokenizers give
+/// it: `beside`.
 pub(super) fn run_noise(grids: &[Grid], beside: Option<RunNoise>) -> Option<RunNoise> {
     let seeds = of_seeds(grids);
     if seeds.dof >= ENOUGH {
@@ -61,7 +59,7 @@ const ENOUGH: usize = 10;
 /// The chance below which cells far from the minimum count as noisier than those near it.
 const MORE_NOISE: f64 = 0.01;
 
-/// All cells where they scatter alike, the better half of each budget's where the others scatter more.
+/// All cells if they scatter equally; the better half of each budget's if the others scatter more.
 fn of_seeds(grids: &[Grid]) -> RunNoise {
     let halves = grids.iter().map(halves);
     let (better, worse): (Vec<AroundMeans>, Vec<AroundMeans>) = halves.unzip();
@@ -116,7 +114,7 @@ impl AroundMeans {
     }
 }
 
-// By what a smooth surface through the cells leaves.
+// From the residuals of a smooth surface through the cells.
 
 /// Fewer degrees of freedom say nothing about a standard deviation.
 const FEWEST_DOF: usize = 2;
@@ -149,8 +147,8 @@ fn highest(grid: &Grid, degree: usize) -> Option<LeastSquares> {
     (*DEGREES.start()..=degree).rev().find_map(|degree| polynomial(grid, degree))
 }
 
-/// The polynomial of one degree through a grid, cells weighted by their runs; none where it leaves
-/// no residual or the cells do not fix it.
+/// The polynomial of one degree through a grid, cells weighted by their runs; `None` if it has no residual or the
+/// cells do not determine it.
 fn polynomial(grid: &Grid, degree: usize) -> Option<LeastSquares> {
     let cells = grid.cells_of_valley();
     let basis = Basis::over(&cells, degree);
@@ -189,7 +187,7 @@ impl Basis {
     }
 }
 
-/// x^i, 1 for i = 0 even where a single level leaves x undefined.
+/// x^i; 1 for i = 0 even if a single level leaves x undefined.
 fn power(x: f64, i: i32) -> f64 {
     if i == 0 { 1.0 } else { x.powi(i) }
 }

@@ -1,9 +1,8 @@
-//! What losses and optima would be on other test splits.
+//! The spread of losses and optima over other test splits.
 //!
-//! All runs of a sweep are measured on the same clips, so a test split that happens to be hard moves all
-//! losses together, and no seed tells. What tells is the split itself, in blocks that have no recording in
-//! common. What a block is harder by is taken as a smooth function of the cell; what a cell's own runs
-//! scatter about it is the noise of the runs, and counted there.
+//! All runs of a sweep are measured on the same clips, so a test split that happens to be hard moves all losses
+//! together, and seeds do not reveal it. It is estimated from blocks of the split without common recordings. The
+//! difficulty of a block is modelled as a smooth function of the cell; deviations of single runs count as run noise.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,14 +11,14 @@ use crate::laws::maths::least_squares;
 use crate::laws::maths::stats::Normals;
 use crate::laws::minima::{Grid, RunNoise, valley};
 
-/// Keeps the streams of other test splits apart from those of replicates.
+/// Separates the random streams of other test splits from those of replicates.
 const STREAMS: u64 = 1 << 41;
 
-/// How losses differ between test splits like the one that runs were measured on.
+/// The spread of losses over test splits like the one of the runs.
 ///
-/// The split is parted into B blocks that have no recording in common. By d_b = a_b + s_b · (ln N_nv, ln V,
-/// ln C) block b is harder than the mean of all, with the logarithms from those of the best cell of the
-/// largest budget; the loss of a cell then has the variance Σ d_b²/B(B − 1).
+/// The split has B blocks without common recordings. Block b is harder than the mean of all by d_b = a_b + s_b ·
+/// (ln N_nv, ln V, ln C), with logarithms relative to the best cell of the largest budget; the loss of a cell then
+/// has the variance Σ d_b²/B(B − 1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TestNoise {
     /// Standard deviation of the loss of that best cell, in nats.
@@ -32,7 +31,7 @@ pub struct TestNoise {
 }
 
 impl TestNoise {
-    /// Of the effects of two blocks at least around a cell.
+    /// From the effects of at least two blocks around a cell.
     fn new(centre: [f64; 3], effects: Vec<[f64; 4]>) -> Self {
         let own = Self { sd: 0.0, blocks: effects.len(), centre, effects };
         Self { sd: own.sd_at(centre), ..own }
@@ -57,7 +56,7 @@ impl TestNoise {
         losses.iter().enumerate().map(moved).collect()
     }
 
-    /// What another test split moves the optima of budgets by.
+    /// The effect of another test split on the optima of budgets.
     pub(in crate::laws) fn draw(&self, normals: &mut Normals) -> OtherClips {
         let scale = self.student(normals) * self.of_mean();
         let mut slopes = [0.0; 2];
@@ -69,7 +68,7 @@ impl TestNoise {
         OtherClips(slopes)
     }
 
-    /// The factor by which a deviation that so many blocks tell may be too small.
+    /// The factor by which a standard deviation from so many blocks may be too small.
     fn student(&self, normals: &mut Normals) -> f64 {
         let dof = self.blocks - 1;
         (dof as f64 / normals.chi_square(dof)).sqrt()
@@ -81,12 +80,11 @@ impl TestNoise {
     }
 }
 
-/// How another test split is harder for larger models and vocabularies than for smaller ones. What it is
-/// harder by for all models of a budget moves no optimum.
+/// The slopes of another test split's difficulty in model size and vocabulary. Its level moves no optimum.
 pub(in crate::laws) struct OtherClips([f64; 2]);
 
 impl OtherClips {
-    /// What the loss of a cell moves by beside that of the best of its budget.
+    /// The shift of a cell's loss relative to the best of its budget.
     pub fn shift(&self, cell: &Cell, best: &Cell) -> f64 {
         let ln = |own: &Cell| [own.params_nonvocab.ln(), own.n_vocab.max(1.0).ln()];
         let (own, best) = (ln(cell), ln(best));
@@ -97,8 +95,8 @@ impl OtherClips {
 /// Fewer blocks say nothing about a standard deviation.
 const FEWEST: usize = 5;
 
-/// Of some budgets, ascending; none where a cell does not know its blocks, there are few, or the cells do not
-/// tell how blocks differ over them.
+/// Fits the effects over ascending budgets; `None` if a cell lacks its blocks, there are few, or the cells do not
+/// determine them.
 pub(in crate::laws) fn test_noise(grids: &[Grid], noise: Option<RunNoise>) -> Option<TestNoise> {
     let largest = grids.last()?;
     let (best, n_blocks) = (largest.best(), largest.best().by_block.len());
@@ -121,9 +119,9 @@ pub(in crate::laws) fn test_noise(grids: &[Grid], noise: Option<RunNoise>) -> Op
     Some(TestNoise::new(centre, effects.flatten()?))
 }
 
-/// A cell with what it counts.
+/// A cell with its weight.
 struct Row<'a> {
-    /// Its place from the centre.
+    /// Its place relative to the centre.
     away: [f64; 3],
     weight: f64,
     by_block: &'a [f64],

@@ -1,4 +1,4 @@
-//! How much one tokenizer's loss differs from another's of the same vocabulary.
+//! Tokenizer noise: the spread of losses between tokenizers of the same vocabulary.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -26,7 +26,7 @@ impl TokenizerNoise {
         self.sd / (found.map_or(1, |(_, n)| *n) as f64).sqrt()
     }
 
-    /// What a replicate moves all runs of each vocabulary by.
+    /// The shift of all runs of each vocabulary in a replicate.
     pub(in crate::laws) fn shifts(&self, normals: &mut Normals) -> Shifts {
         let scale = (self.dof as f64 / normals.chi_square(self.dof)).sqrt();
         let shift = |(v, _): &(f64, usize)| (*v, scale * self.of_mean(*v) * normals.draw());
@@ -34,7 +34,7 @@ impl TokenizerNoise {
     }
 }
 
-/// V, and what all its runs are moved by.
+/// V, and the shift of all its runs.
 #[derive(Default)]
 pub(in crate::laws) struct Shifts(Vec<(f64, f64)>);
 
@@ -68,7 +68,7 @@ impl<'a> Compared<'a> {
 }
 
 /// The scatter between tokenizers of one vocabulary, each by the mean of its distances from the others
-/// over all cells; none where no vocabulary has two.
+/// over all cells; none if no vocabulary has two.
 pub(in crate::laws) fn tokenizer_noise(budgets: &[Budget]) -> Option<TokenizerNoise> {
     let cells: Vec<Compared> = budgets.iter().flat_map(cells).collect();
     let offsets = mean_offsets(&cells);
@@ -84,11 +84,11 @@ pub(in crate::laws) fn tokenizer_noise(budgets: &[Budget]) -> Option<TokenizerNo
     (dof > 0).then(|| TokenizerNoise { sd: (squares / dof as f64).sqrt(), dof, tokenizers })
 }
 
-/// The scatter of single runs, by runs of one cell with several tokenizers, less what each tokenizer
-/// moves all its runs by; none where no vocabulary has two.
+/// Run noise, by runs of one cell with several tokenizers minus the effect of each tokenizer; `None` if no vocabulary
+/// has two.
 ///
-/// Only the better half of each budget's cells is asked, where the minimum lies: runs of few steps,
-/// far above it, scatter more.
+/// Only the better half of each budget's cells is used, near the minimum: runs of few steps, far above it, scatter
+/// more.
 pub(in crate::laws) fn runs_beside_tokenizers(budgets: &[Budget]) -> Option<RunNoise> {
     let better = |budget| {
         let mut cells = cells(budget);
@@ -106,7 +106,7 @@ pub(in crate::laws) fn runs_beside_tokenizers(budgets: &[Budget]) -> Option<RunN
     (dof > 0).then(|| RunNoise { sd: (squares / dof as f64).sqrt(), dof, source })
 }
 
-/// What each tokenizer moves its runs by, beside the others of its vocabulary.
+/// The effect of each tokenizer on its runs, relative to the others of its vocabulary.
 fn mean_offsets<'a>(cells: &[Compared<'a>]) -> BTreeMap<(Vocabulary, &'a str), f64> {
     let mut all: BTreeMap<(Vocabulary, &str), Vec<f64>> = BTreeMap::new();
     for (id, _, offset) in cells.iter().flat_map(Compared::offsets) {

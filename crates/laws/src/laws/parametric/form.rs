@@ -13,7 +13,7 @@ pub enum Form {
     Approach3Vocab,
 }
 
-/// What the residuals are taken of.
+/// The quantity of the residuals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Space {
@@ -48,7 +48,7 @@ pub(super) const MAX_PARAMS: usize = 7;
 pub(super) type Vector = [f64; MAX_PARAMS];
 pub(super) type Matrix = [[f64; MAX_PARAMS]; MAX_PARAMS];
 
-/// Which free parameter each parameter of a form follows; none where it is frozen.
+/// The free parameter of each parameter of a form; `None` if it is frozen.
 pub(super) type Slots = [Option<usize>; MAX_PARAMS];
 
 impl Form {
@@ -63,7 +63,7 @@ impl Form {
         }
     }
 
-    /// Whether the form tells a model's parameters apart by the vocabulary.
+    /// Whether the form separates vocabulary and other parameters.
     pub fn parameters(self) -> Parameters {
         match self {
             Self::Approach3 => Parameters::Total,
@@ -71,7 +71,7 @@ impl Form {
         }
     }
 
-    /// Whether the residuals are those of the loss or of its logarithm, unless said otherwise.
+    /// The default space of the residuals: the loss or its logarithm.
     pub fn default_space(self) -> Space {
         match self {
             Self::Approach3 => Space::Log,
@@ -79,7 +79,7 @@ impl Form {
         }
     }
 
-    /// What the terms fall with: N and D, or N_nv, N_v and D.
+    /// The quantities of the terms: N and D, or N_nv, N_v and D.
     pub(super) fn quantities_of(self, p: &IsoFlopPoint) -> [f64; 3] {
         match self {
             Self::Approach3 => [p.params_nonvocab + p.params_vocab, p.tokens, 0.0],
@@ -113,7 +113,7 @@ impl Form {
         }
     }
 
-    /// What E is multiplied by in the law.
+    /// The sign of E in the law.
     fn sign(self) -> f64 {
         match self {
             Self::Approach3 => 1.0,
@@ -182,7 +182,7 @@ impl Coefficients {
         format!("{symbol} = {}{terms}", digits(self.form.sign() * values[0]))
     }
 
-    /// From values in the order of [`Form::names`]; none where there are fewer.
+    /// From values in the order of [`Form::names`]; none if there are fewer.
     pub fn new(form: Form, values: &[f64]) -> Option<Self> {
         let mut all = [0.0; MAX_PARAMS];
         let own = values.get(..form.n_params())?;
@@ -248,7 +248,7 @@ impl Coefficients {
         self.values[1 + self.form.n_terms() + term]
     }
 
-    /// What the loss falls to: E, or −E with a vocabulary.
+    /// The floor of the loss: E, or −E with a vocabulary.
     pub fn floor(&self) -> f64 {
         self.form.sign() * self.values[0]
     }

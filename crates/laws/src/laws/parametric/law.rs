@@ -16,12 +16,11 @@ pub struct Parametric {
     pub tied: bool,
     /// Huber's δ in units of the loss or of its logarithm; none for least squares.
     pub huber_delta: Option<f64>,
-    /// The sum over rows of Huber's function in logarithms, its mean where the loss itself is
-    /// fitted.
+    /// The sum over rows of Huber's function in logarithms; its mean if the loss itself is fitted.
     pub objective: f64,
     /// The sum over rows, either way.
     pub objective_sum: f64,
-    /// Of the sum, in the logarithms of the coefficients and in the exponents.
+    /// Gradient norm of the sum, in the logarithms of the coefficients and in the exponents.
     pub gradient_norm: f64,
     pub starts: usize,
     /// Starts whose own optimum is the one reported, to 1e-8.
@@ -39,7 +38,7 @@ pub struct Parametric {
     /// Replicates that ended at an optimum.
     pub replicates_converged: usize,
     pub bootstrap: Vec<Coefficients>,
-    /// Rows that the optimum at the largest budget asked for hangs on.
+    /// Rows with a large influence on the optimum at the largest requested budget.
     pub influence: Option<Influence>,
     /// Sentences for a person.
     pub warnings: Vec<String>,
@@ -53,7 +52,7 @@ pub struct Influence {
     pub rows: Vec<String>,
     /// The optimal N (N_nv with a vocabulary) by all rows.
     pub params: f64,
-    /// The same by the other rows alone.
+    /// The same without these rows.
     pub params_without: f64,
 }
 
@@ -160,7 +159,7 @@ fn unnamed_or_none<T: Copy>(form: Form, named: &BTreeMap<String, T>) -> Result<V
 /// FLOPs for a parameter and a token.
 const FLOPS_PER_PARAM_TOKEN: f64 = 6.0;
 
-/// The allocation of least loss that spends `budget` FLOPs; none where the coefficients have none.
+/// The allocation of least loss that spends `budget` FLOPs; none if the coefficients have none.
 ///
 /// For approach 3 it is N = G (C/6)^a with a = β/(α + β) and G = (αA/βB)^(1/(α+β)) (Hoffmann et al.
 /// 2022, Eq. 4). With a vocabulary the gradient vanishes where α1 A1 N_nv^(−α1−1) =
@@ -208,7 +207,7 @@ fn of_split(c: &Coefficients, budget: f64) -> Option<Optimum> {
         let (n, v) = (ln_nonvocab.exp(), ln_vocab(c, ln_nonvocab).exp());
         (n, v, work / (n + v))
     };
-    // ln of what more data would gain over what a larger model would.
+    // ln of the gain by more data over the gain by a larger model.
     let imbalance = |ln_nonvocab: f64| {
         let (n, v, d) = at(ln_nonvocab);
         let data = (c.exponent(2) * c.coefficient(2)).ln() - c.exponent(2) * d.ln();

@@ -8,9 +8,9 @@
 //! | points into centred columns under a form | `target` |
 //! | starts by variable projection | `search` |
 //! | the law and the best allocation of a budget | `law` |
-//! | intervals, and rows that an optimum hangs on | `resampling` |
-//! | how it is asked for, all of it, what speaks against it | here |
-//! | the laws that follow | [`parametric_laws`](crate::laws::parametric_laws) |
+//! | intervals, and influential rows | `resampling` |
+//! | options, the whole fit, its doubts | here |
+//! | the implied laws | [`parametric_laws`](crate::laws::parametric_laws) |
 
 mod form;
 mod law;

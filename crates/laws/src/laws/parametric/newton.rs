@@ -5,8 +5,8 @@
 //! method goes downhill from anywhere and converges quadratically near an optimum. With Huber's
 //! function H changes by jumps as rows cross δ; damping takes care of that too.
 //!
-//! It stops where the model promises less than one part in 10^15 of the objective: a criterion
-//! without a scale, which neither a small δ nor a mean over rows can trip early.
+//! It stops once the model promises less than one part in 10^15 of the objective: a relative criterion, so neither
+//! a small δ nor a mean over rows stops it early.
 
 use super::form::{MAX_PARAMS, Matrix, Slots, Vector};
 use super::objective::{Evaluation, Objective};
@@ -82,7 +82,7 @@ const FIRST_DAMPING: f64 = 1e-3;
 
 type Iterate = IterState<Vector, Vector, (), Matrix, (), f64>;
 
-/// Where a search ended.
+/// The end of a search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Minimised {
     /// The free parameters.
@@ -94,7 +94,7 @@ pub(super) struct Minimised {
     pub converged: bool,
 }
 
-/// Goes downhill from `start`; none where the objective has no finite value there.
+/// Goes downhill from `start`; none if the objective has no finite value there.
 pub(super) fn minimise(problem: Problem, start: Vector, tolerance: f64) -> Option<Minimised> {
     let n = problem.n_free;
     let solver = DampedNewton { damping: 0.0, tolerance };
@@ -161,7 +161,7 @@ impl<'a> Solver<Problem<'a>, Iterate> for DampedNewton {
 }
 
 impl DampedNewton {
-    /// The next point, strictly lower; none where none is worth a step.
+    /// The next point, strictly lower; `None` if there is none.
     fn descend(
         &mut self,
         problem: &mut Counted<Problem>,
@@ -207,7 +207,7 @@ fn moved(state: Iterate, to: Vector, there: &Evaluation) -> Iterate {
     state.param(to).cost(there.value).gradient(there.gradient).hessian(there.hessian)
 }
 
-/// What the quadratic model says the step gains.
+/// The gain of the step by the quadratic model.
 fn promise(here: &Evaluation, step: &Vector, n: usize) -> f64 {
     let bent = times(&here.hessian, step, n);
     -dot(&here.gradient, step, n) - 0.5 * dot(&bent, step, n)

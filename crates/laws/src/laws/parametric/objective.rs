@@ -62,13 +62,12 @@ pub(super) struct Objective<'a> {
     pub curvature: Curvature,
 }
 
-/// Which second derivatives the Hessian holds.
+/// The second derivatives in the Hessian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Curvature {
     /// All of them.
     Exact,
-    /// Those of Huber's function alone, as Gauss and Newton have it: never indefinite, so that far
-    /// from an optimum its steps are the better ones.
+    /// The Gauss-Newton Hessian of Huber's function: never indefinite, so its steps are better far from an optimum.
     GaussNewton,
 }
 
@@ -110,7 +109,7 @@ fn wide256<const K: usize, const P: usize>(o: &Objective, theta: &Vector) -> Eva
     sums::<K, P>(o, theta)
 }
 
-/// The sums over all rows. Additions stand in one order whatever the vectors' width is.
+/// The sums over all rows, added in the same order for every vector width.
 #[inline(always)]
 fn sums<const K: usize, const P: usize>(o: &Objective, theta: &Vector) -> Evaluation {
     let mut value = [0.0; LANES];
@@ -151,7 +150,7 @@ struct Huber {
     value: Lane,
     /// h'.
     slope: Lane,
-    /// What q_p q_q is multiplied by: h'', and in logarithms h' more.
+    /// The factor of q_p q_q: h'', plus h' in logarithms.
     outer: Lane,
 }
 
@@ -240,7 +239,7 @@ const LANES: usize = 8;
 /// One number a row.
 type Lane = [f64; LANES];
 
-/// 1.5 · 2^52: adding it rounds to an integer, which then stands in the low bits.
+/// 1.5 · 2^52: adding it rounds to an integer in the low bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 const LN2_HIGH: f64 = 6.931_471_803_691_238e-1;
 const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;

@@ -1,9 +1,8 @@
-//! A parametric law of other rows: intervals by drawing them anew (Efron 1979), and the rows that a
-//! predicted optimum hangs on.
+//! Resamples the rows of a parametric law for intervals (Efron 1979), and finds the rows with a large influence on a
+//! predicted optimum.
 //!
-//! Each replicate draws as many rows as there are and goes from the optimum downhill to its own.
-//! Rows of one configuration are one cluster and are drawn together, whether a column tells their seeds or
-//! not: they share what the law misses there.
+//! Each replicate draws as many rows as there are and descends from the optimum to its own. Rows of one configuration
+//! are one cluster and are drawn together, with or without a column of seeds: they share the law's error there.
 //!
 //! Nothing depends on the number of threads. Tables of more than `MAX_CLUSTERS` clusters draw that
 //! many and shrink the deviations by the root of the ratio (m out of n; Bickel et al. 1997).
@@ -33,7 +32,7 @@ const TOLERANCE: f64 = 1e-12;
 #[derive(Clone, Debug)]
 pub(super) struct Replicates {
     pub coefficients: Vec<Coefficients>,
-    /// How many ended at an optimum, as all should.
+    /// The number that ended at an optimum, as all should.
     pub converged: usize,
     pub asked: usize,
 }
@@ -88,7 +87,7 @@ impl Replicates {
         (0..n).filter_map(|i| of(&column(i))).collect()
     }
 
-    /// Standard deviations over the replicates, in the order of the form's names; empty where there
+    /// Standard deviations over the replicates, in the order of the form's names; empty if there
     /// are too few replicates.
     pub fn standard_errors(&self) -> Vec<f64> {
         self.each(|column| interval95(column).map(|_| standard_deviation(column)))
@@ -100,10 +99,9 @@ impl Replicates {
     }
 }
 
-// Which rows a replicate draws: those of `numpy.random.choice(n, n)` after `numpy.random.seed(S)`,
-// one replicate after the other, so that an analysis in Python can draw the same rows; with S = 42
-// they are those of Besiroglu et al. 2024. Where they would fill much memory, each replicate has
-// instead a stream of ChaCha8 of its own.
+// The rows of a replicate are those of `numpy.random.choice(n, n)` after `numpy.random.seed(S)`, one replicate after the
+// other, so that an analysis in Python can draw the same rows; with S = 42 they are those of Besiroglu et al. 2024. If
+// they would fill much memory, each replicate has its own ChaCha8 stream instead.
 
 /// Numbers that are kept at once, 4 bytes each.
 const MOST_LISTED: usize = 20_000_000;
@@ -125,7 +123,7 @@ impl Draws {
         Self::Listed { all, size }
     }
 
-    /// Those of one replicate.
+    /// The rows of one replicate.
     fn of(&self, replicate: usize) -> Vec<usize> {
         match self {
             Self::Listed { all, size } => {
@@ -151,24 +149,23 @@ fn numpy_below(twister: &mut Mt, n: u32) -> u32 {
     }
 }
 
-// The rows that a predicted optimum hangs on.
+// Influential rows.
 //
 // At an optimum the gradients g_i of all rows cancel. Without row i one Newton step leads to the new
-// optimum: (H − H_i) s = g_i (Cook and Weisberg 1982). Of the rows that move N furthest by that step,
-// the one whose loss moves it furthest once the law is fitted to the rest is left out; so on, five
-// times, upwards and downwards.
+// optimum: (H − H_i) s = g_i (Cook and Weisberg 1982). Among the rows that move N furthest by that step, the row
+// whose removal moves it furthest after a refit is left out; this is repeated five times, upwards and downwards.
 
 /// Rows that are named, at most.
 const MOST_NAMED: usize = 5;
-/// Rows that are left out by way of trial, of those that one step says move N furthest.
+/// Rows that are tried by a refit, among those that move N furthest by one step.
 const TRIED: usize = 8;
 /// A factor of N that is not worth a warning.
 const LITTLE: f64 = 1.2;
 /// Rows of a table in which single ones no longer count.
 const MOST_ROWS: usize = 20_000;
 
-/// The rows that together move the optimal N at `budget` by more than [`LITTLE`]; `None` if there are
-/// none, or an exponent is held at its bound.
+/// The rows that together move the optimal N at `budget` by more than [`LITTLE`]; `None` if there are none, or an
+/// exponent is at its bound.
 pub(super) fn influence(
     points: &[IsoFlopPoint],
     target: &Target,
@@ -228,7 +225,7 @@ fn without(
     Some((size, rows))
 }
 
-/// How far ln N moves without each of the rows kept, by one step from `theta`.
+/// The shift of ln N without each of the rows kept, by one step from `theta`.
 fn moves(target: &Target, theta: &Vector, kept: &[usize], budget: f64) -> Vec<f64> {
     let slots = target.form.slots(target.tied);
     let how = (target.delta, Curvature::Exact);

@@ -1,4 +1,4 @@
-//! Where the optimum of a parametric law is looked for.
+//! The search for the optimum of a parametric law.
 //!
 //! By default by variable projection: over a grid of exponents the inner problem is solved exactly
 //! and improved under the objective itself; the lowest grid points are the starts of the full search.
@@ -13,7 +13,7 @@ use crate::laws::maths::solve;
 use crate::laws::maths::stats::dot;
 use rayon::prelude::*;
 
-/// Where a search begins.
+/// The starts of a search.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Starts {
     /// The best points of a grid of exponents, by variable projection.
@@ -43,10 +43,10 @@ pub(super) struct Found {
     pub starts_at_optimum: usize,
 }
 
-/// The optimum; none where no start leads to one.
+/// The optimum; `None` if no start leads to one.
 ///
-/// The starts of a large table go down on some of its rows, and only where the best of them ended
-/// is the whole table's optimum looked for: the shares of starts are then those of the thinned rows.
+/// For a large table, the starts descend on a part of its rows, and the whole table's optimum is searched only from
+/// the best end; the reported fraction of starts is for the thinned rows.
 pub(super) fn search(target: &Target, starts: Starts) -> Option<Found> {
     let thinned = thinned(target.data);
     let few = Target { data: &thinned, ..*target };
@@ -65,8 +65,7 @@ pub(super) fn search(target: &Target, starts: Starts) -> Option<Found> {
     })
 }
 
-/// The objective of residuals that are rounding: where a law goes through all rows, every start ends below it, each
-/// on other digits.
+/// The objective of rounding errors: if a law goes through all rows, every start ends below it, with different digits.
 fn rounding(target: &Target) -> f64 {
     let largest = target.data.columns.y.iter().fold(0.0f64, |most, y| most.max(y.abs()));
     target.data.weights.iter().sum::<f64>() * (ROUNDING * largest).powi(2)
@@ -119,7 +118,7 @@ fn thinned(data: &Data) -> Data {
     data.rows(&(0..MAX_ROWS).map(|i| i * n / MAX_ROWS).collect::<Vec<_>>())
 }
 
-/// Hoffmann's 4500 starts; the vocabulary's term, where there is one, starts like the model's.
+/// Hoffmann's 4500 starts; a vocabulary term starts like the model's.
 fn hoffmann(target: &Target) -> Vec<Vector> {
     let start = |i: usize| {
         let level = |place: usize, levels: usize| (i / place % levels) as f64;
@@ -135,8 +134,8 @@ fn hoffmann(target: &Target) -> Vec<Vector> {
 // The inner problem of variable projection: constant and coefficients at fixed exponents.
 //
 // At fixed exponents the law is linear in E, A and B. Least squares with A, B ≥ 0 (and E ≥ 0
-// where it is a loss) is solved exactly, by trying which of them are zero; in logarithms the
-// residuals are taken relative to the loss, which agrees with them to first order.
+// if it is a loss) is solved exactly, by trying which of them are zero; in logarithms the residuals are relative to
+// the loss, which is equal to first order.
 
 /// Columns of the linear problem: one a term, and the constant last.
 struct Basis {
@@ -147,7 +146,7 @@ struct Basis {
 impl Basis {
     /// e^(−α x) of each term at its exponent, divided by the loss in logarithms.
     fn new(data: &Data, space: Space, exponents: &[f64]) -> Self {
-        // What a row's residual is multiplied by: its weight's root, over the loss in logarithms.
+        // The factor of a row's residual: the root of its weight, divided by the loss in logarithms.
         let scale = |(weight, loss): (&f64, &f64)| match space {
             Space::Log => weight.sqrt() / loss,
             Space::Raw => weight.sqrt(),
@@ -162,7 +161,7 @@ impl Basis {
         Self { columns, y }
     }
 
-    /// c_1 … c_K and the constant as parameters, by least squares under the signs; none where no
+    /// c_1 … c_K and the constant as parameters, by least squares under the signs; none if no
     /// set of columns can be solved.
     fn solve(&self, constant: Constant) -> Option<Vector> {
         let (gram, moments) = self.normal();
@@ -210,7 +209,7 @@ impl Basis {
         Some(values)
     }
 
-    /// Logarithms of the positive ones; zero stands as a millionth of the mean loss.
+    /// Logarithms; zero is replaced by a millionth of the mean loss.
     fn parameters(&self, values: &Vector, constant: Constant) -> Vector {
         let n = self.columns.len();
         let typical = self.y.iter().map(|y| y.abs()).sum::<f64>() / self.y.len() as f64;
@@ -223,7 +222,7 @@ impl Basis {
     }
 }
 
-/// How much the sum of squares falls from that of y: 2 b·m − b'Gb.
+/// The reduction of the sum of squares of y: 2 b·m − b'Gb.
 fn gain(gram: &Matrix, moments: &Vector, values: &Vector, n: usize) -> f64 {
     let bent = times(gram, values, n);
     (0..n).map(|i| values[i] * (2.0 * moments[i] - bent[i])).sum()

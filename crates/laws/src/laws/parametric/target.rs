@@ -1,4 +1,4 @@
-//! What is minimised: points as the columns of a fit under a form, and the way downhill.
+//! The objective over points, as columns under a form, and its descent.
 
 use super::form::{Coefficients, Constant, Form, Slots, Space, Vector};
 use super::newton::{Minimised, Problem, minimise};
@@ -8,9 +8,9 @@ use crate::laws::maths::stats::dot;
 
 /// Spread of a logarithm below which a quantity counts as constant.
 const CONSTANT: f64 = 1e-6;
-/// Values that a quantity needs: its term has two unknowns beside the floor.
+/// Least number of values of a quantity: its term has two unknowns besides the floor.
 const LEVELS: usize = 3;
-/// Correlation of two logarithms above which their terms cannot be told apart.
+/// Correlation of two logarithms above which their terms cannot be separated.
 const COLLINEAR: f64 = 0.9999;
 
 /// The rows of a fit: columns around their means, and weights.
@@ -93,7 +93,7 @@ fn centred(mut column: Vec<f64>) -> (Vec<f64>, f64) {
     (column, mean)
 }
 
-/// How many different values a column has; logarithms closer than [`CONSTANT`] are one.
+/// The number of distinct values of a column; logarithms closer than [`CONSTANT`] count as one.
 fn levels(column: &[f64]) -> usize {
     let mut sorted = column.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -133,7 +133,7 @@ fn identified(x: &[Vec<f64>], form: Form) -> Result<(), FitError> {
     Ok(())
 }
 
-/// What is minimised.
+/// The objective.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target<'a> {
     pub data: &'a Data,
@@ -146,7 +146,7 @@ pub(super) struct Target<'a> {
     pub bounds: [f64; 2],
 }
 
-/// Where a descent ended.
+/// The end of a descent.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct End {
     /// All parameters, centred.

@@ -1,4 +1,4 @@
-//! Simulated tables whose law is known, and what is asked of a fit to them.
+//! Fits to simulated tables with a known law.
 
 use super::form::{Constant, Vector};
 use super::objective::{Columns, Curvature, Objective};

@@ -1,4 +1,4 @@
-//! Which law to believe: the one that predicts the sweep's own larger budgets from its smaller ones.
+//! Ranks laws by how well they predict the sweep's larger budgets from its smaller ones.
 
 mod recommended;
 
@@ -17,14 +17,14 @@ use crate::laws::minima::{
 /// All budgets of a sweep, ascending.
 pub(super) struct Rows<'a> {
     pub grids: &'a [Grid],
-    /// The runs of the largest share of the data, and those of each smaller one.
+    /// The runs of the largest share of the data, and of each smaller one.
     pub shares: Vec<OfShare>,
     pub noise: Option<RunNoise>,
     pub options: &'a FitOptions,
 }
 
 impl Rows<'_> {
-    /// Every candidate's score, the best first; empty where there are too few budgets.
+    /// Every candidate's score, the best first; empty if there are too few budgets.
     pub fn scores(&self) -> Vec<Score> {
         // The joint law with repetition holds the other, R without end: where runs repeat their data it is
         // the one, and the other would learn of repetition by missing it.
@@ -48,7 +48,7 @@ impl Rows<'_> {
         (!untold.misses.is_empty()).then_some(Score { rms, ..untold })
     }
 
-    /// What a law through the first `n` budgets says of the others, share after share.
+    /// The errors of a law fitted to the first `n` budgets on the others, share by share.
     fn misses(&self, law: Candidate, n: usize) -> Vec<Miss> {
         if law.is_joint() {
             let joint = fit_joint(&self.grids[..n], self.noise, law == Candidate::JointRepeats);
@@ -64,7 +64,7 @@ impl Rows<'_> {
         self.shares.iter().filter_map(of_share).flatten().collect()
     }
 
-    /// What a law says of the budgets of a share after the first `n`.
+    /// The errors of a law on the budgets of a share after the first `n`.
     fn misses_of(&self, fitted: &Fitted, own: &OfShare, n: usize) -> Vec<Miss> {
         let largest = self.grids[n - 1].budget_flops;
         // Laws are compared by budgets that all of them can be asked of.
@@ -83,8 +83,7 @@ impl Rows<'_> {
         later.filter_map(|(i, own)| miss((i, own.as_ref()?))).collect()
     }
 
-    /// What a law misses a budget's loss by, and its minimum, which is measured as exactly as that of the
-    /// largest share.
+    /// The error of a law at a budget's loss and minimum, measured as precisely as in the largest share.
     fn missed(
         &self,
         fitted: &Fitted,
@@ -134,12 +133,12 @@ impl Rows<'_> {
     }
 }
 
-/// The standard deviation of a normal quantity of this interval; 0 where there is none.
+/// The standard deviation of a normal quantity of this interval; 0 if there is none.
 fn deviation(interval: Option<[f64; 2]>, of: fn(f64) -> f64) -> f64 {
     interval.map_or(0.0, |[low, high]| (of(high) - of(low)) / (2.0 * NORMAL_97_5))
 }
 
-// What laws are tested by: the budgets of each share of the data, with their minima.
+// The tests of laws: the budgets of each share of the data, with their minima.
 
 /// Fewest budgets that a law is fitted to before it is tested.
 const FEWEST: usize = 3;
@@ -151,19 +150,19 @@ const FEWEST: usize = 3;
 pub(super) struct OfShare {
     /// 1 for the largest.
     pub of_largest: f64,
-    /// Of each budget, in the order of the rows; none where it has no such run.
+    /// One per budget, in the order of the rows; `None` without such a run.
     pub budgets: Vec<Option<OfBudget>>,
 }
 
 /// One budget's runs of a share.
 pub(super) struct OfBudget {
     pub grid: Grid,
-    /// By the laws' method; none where it may not be used.
+    /// By the laws' method; none if it may not be used.
     pub minimum: Option<Minimum>,
 }
 
 impl OfShare {
-    /// The minima that power laws through the first `n` budgets are fitted to; none where they are too few.
+    /// The minima that power laws through the first `n` budgets are fitted to; none if they are too few.
     fn fitted_minima(&self, n: usize) -> Option<Vec<Minimum>> {
         let minima = self.budgets[..n].iter().flatten().filter_map(|own| own.minimum.clone());
         let used: Vec<Minimum> = minima.collect();
@@ -213,8 +212,8 @@ enum Fitted {
 }
 
 impl Fitted {
-    /// Of the budget of some runs; a joint law for the distinct tokens that they had. None if there is no
-    /// such law of the loss.
+    /// The prediction at the budget of some runs; for a joint law with their distinct tokens. `None` without such a law of
+    /// the loss.
     fn at(&self, grid: &Grid) -> Option<Optimum> {
         let budget = grid.budget_flops;
         let (set, law) = match self {

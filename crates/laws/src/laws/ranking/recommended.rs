@@ -1,4 +1,4 @@
-//! Which law predicts, and by how much it missed: what `laws.json` holds of it.
+//! The recommended law and its errors, as stored in `laws.json`.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +15,7 @@ pub enum Candidate {
     Floor,
     /// One smooth loss over all cells.
     Joint,
-    /// The same, with data worth less when it is repeated.
+    /// The same, with less worth for repeated data.
     JointRepeats,
 }
 
@@ -33,7 +33,7 @@ impl Candidate {
         }
     }
 
-    /// What it is, for a person.
+    /// Its name in sentences.
     pub fn about(self) -> &'static str {
         match self {
             Self::Log => "the log law",
@@ -67,8 +67,7 @@ pub struct Score {
 }
 
 impl Score {
-    /// The misses by which laws are compared: those of minima beyond doubt, which every law is tested by; all
-    /// where there are none.
+    /// The errors by which laws are compared: on unflagged minima, which test every law; all errors if there are none.
     pub fn compared(&self) -> impl Iterator<Item = &Miss> {
         let any = self.misses.iter().any(|miss| miss.minimum.is_some());
         self.misses.iter().filter(move |miss| !any || miss.minimum.is_some())
@@ -84,16 +83,16 @@ pub struct Recommended {
     pub why: String,
     /// Every law that could be tested, the best first.
     pub scores: Vec<Score>,
-    /// How much of the loss is worth a nat, where it is not L_u.
+    /// The unit of the loss per nat, if it is not L_u.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub loss_unit: f64,
 }
 
-/// How far a law that was tested is believed.
+/// The weight of a tested law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Belief {
     pub law: Candidate,
-    /// Above 0; those of all laws sum to 1.
+    /// Above 0; all weights sum to 1.
     pub weight: f64,
     pub error: ForecastError,
 }
@@ -124,9 +123,9 @@ impl Recommended {
 /// A forecast of one budget of a sweep, against its measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Miss {
-    /// How many budgets the law was fitted to.
+    /// The number of budgets fitted.
     pub n_fitted: usize,
-    /// What the runs of the budget saw of the data, the largest share of the sweep being 1.
+    /// The share of the data of the budget's runs, relative to the sweep's largest.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub share: f64,
     pub budget_flops: f64,
@@ -135,8 +134,8 @@ pub struct Miss {
     /// Loss error in nats: at the budget's minimum, or, for a joint law of several vocabularies, the mean over
     /// the cells near the minimum.
     pub loss: Off,
-    /// Of the minimum; none where its place is in doubt, or where too few minima of smaller budgets are beyond
-    /// it for a law through them. A joint law alone is tested there.
+    /// The error at the minimum; `None` if it is flagged, or if smaller budgets have too few unflagged minima for a law.
+    /// Then only a joint law is tested.
     pub minimum: Option<MissedMinimum>,
 }
 
@@ -153,11 +152,11 @@ fn is_one(value: &f64) -> bool {
 pub struct Deviations<T = f64> {
     /// In nats.
     pub loss: f64,
-    /// Of ln N_nv, or ln N.
+    /// The error of ln N_nv, or ln N.
     pub ln_size: T,
-    /// Of ln N_v; 0 where N_v is not told apart.
+    /// The error of ln N_v; 0 if N_v is not separate.
     pub ln_vocab: T,
-    /// Of ln D.
+    /// The error of ln D.
     pub ln_tokens: T,
 }
 
@@ -171,17 +170,16 @@ pub struct ForecastError {
     /// Standard deviations of its misses for each factor e beyond the fit.
     #[serde(flatten)]
     pub sd: Deviations,
-    /// Degrees of freedom: budgets that forecasts were made from, and those of what is expected.
+    /// Degrees of freedom: the budgets behind forecasts, plus those of the prior.
     pub dof: usize,
-    /// Budgets that forecasts were made from; 0 where none could be tested.
+    /// Budgets that forecasts were made from; 0 if none could be tested.
     #[serde(default)]
     pub tested: usize,
 }
 
-/// What is expected before a forecast is tested: a factor ten beyond its fit a law is off by 0.023 nats, and
-/// by a seventh in N_nv, N_v and D, beside what the noise of the runs does. It counts as ten budgets,
-/// since those of one sweep tell little. Chosen on simulated sweeps, so that intervals ten times beyond
-/// the fit hold what they should (`docs/coverage.md`).
+/// The prior error of a law: ten times beyond its fit, 0.023 nats, and a seventh in N_nv, N_v and D, in addition to
+/// run noise. It counts as ten budgets, since the budgets of one sweep say little. Chosen on simulated sweeps so that
+/// intervals ten times beyond the fit have the right coverage (`docs/coverage.md`).
 const EXPECTED: ForecastError = ForecastError {
     sd: Deviations { loss: 0.010, ln_size: 0.06, ln_vocab: 0.06, ln_tokens: 0.06 },
     dof: 10,
@@ -201,10 +199,10 @@ impl ForecastError {
         Self::of(&misses.into_iter().map(noiseless).collect::<Vec<_>>(), loss_unit)
     }
 
-    /// Of some misses, drawn towards what is expected; `loss_unit` of the loss is worth a nat.
+    /// Estimates the growth from some errors, shrunk towards the prior; `loss_unit` is the loss per nat.
     ///
-    /// A miss of variance r² ln² f + s² holds the law's own, r for each factor e, and that of the measured
-    /// loss, s², which does not grow with the distance f: r² is what the squares leave beside s².
+    /// An error has the variance r² ln² f + s²: r per factor e from the law, and s² from the measured loss, which does not
+    /// grow with the distance f. r² is estimated from the squares minus s².
     pub(in crate::laws) fn of(misses: &[Miss], loss_unit: f64) -> Self {
         let of_minimum = |of: fn(&MissedMinimum) -> Off, expected: f64| {
             let off = |miss: &Miss| miss.minimum.as_ref().map(of);
@@ -222,12 +220,12 @@ impl ForecastError {
     }
 }
 
-/// How many budgets forecasts were made from.
+/// The number of budgets behind forecasts.
 fn tested(misses: &[Miss]) -> usize {
     misses.chunk_by(|a, b| a.n_fitted == b.n_fitted).count()
 }
 
-/// The standard deviation for each factor e of one quantity, where it was tested.
+/// The standard deviation per factor e of one quantity, if it was tested.
 fn growth(misses: &[Miss], off: impl Fn(&Miss) -> Option<Off>, expected: f64) -> f64 {
     let known: Vec<Miss> = misses.iter().filter(|miss| off(miss).is_some()).copied().collect();
     let own: f64 = known.iter().filter_map(&off).map(Off::own_square).sum();

@@ -1,4 +1,4 @@
-//! How far a fit is to be believed, in sentences: what is in doubt, what would settle it, and the verdict.
+//! Sentences on how reliable a fit is: doubts, remedies and the verdict.
 
 use super::flags_text;
 use crate::laws::file::{Doubt, Exponent, Inside, LawKind, Laws, Validated};
@@ -26,7 +26,7 @@ pub(in crate::laws) fn doubts(
         .collect()
 }
 
-/// What is wrong with the rows, or hangs on few of them.
+/// Faults of the rows, and results that depend on few of them.
 fn rows(laws: &Laws) -> impl Iterator<Item = Doubt> {
     let doubt = |kind: &'static str| {
         move |said: &String| Doubt::new(kind, said.trim_end_matches('.').to_string(), "")
@@ -35,14 +35,14 @@ fn rows(laws: &Laws) -> impl Iterator<Item = Doubt> {
     laws.judgement.rows.iter().map(doubt("rows")).chain(parametric.map(doubt("parametric")))
 }
 
-/// A forecast that did not hold.
+/// A forecast that missed.
 fn missed(one: &Validated) -> Option<Doubt> {
     let sentence = one.sentence().filter(|_| !one.inside.is_whole())?;
     let what = sentence.trim_end_matches('.').to_string();
     Some(Doubt::new("forecast", what, "fit these runs too, by --validations"))
 }
 
-/// Exponents that are not determined, those of one reason together.
+/// Exponents that are not determined, grouped by reason.
 fn of_exponents(all: &[(&str, Undetermined)]) -> Vec<Doubt> {
     let of = |same: &[(&str, Undetermined)]| {
         let names: Vec<&str> = same.iter().map(|(name, _)| *name).collect();
@@ -76,11 +76,11 @@ fn untested(laws: &Laws) -> Option<Doubt> {
     })
 }
 
-/// Laws of a grid whose runs do not tell how they scatter.
+/// Laws of a grid whose run noise is unknown.
 fn no_intervals(laws: &Laws) -> Option<Doubt> {
     let none = laws.law == LawKind::Isoflop && laws.noise.is_none();
     none.then(|| {
-        let what = "There are no intervals: how much single runs scatter is not known".to_string();
+        let what = "There are no intervals: the noise of single runs is not known".to_string();
         Doubt::new("no-intervals", what, "run every cell with a second seed, or add sizes")
     })
 }
@@ -88,7 +88,7 @@ fn no_intervals(laws: &Laws) -> Option<Doubt> {
 /// Two exponents of one quantity further apart than this, each outside the other's interval, disagree.
 const DISAGREEMENT: f64 = 0.1;
 
-/// Exponents of a joint law that those of the laws through minima contradict.
+/// Exponents on which the joint law and the laws through minima contradict each other.
 fn disagreement(laws: &Laws, exponents: &PerQuantity<Exponent>) -> Option<Doubt> {
     let far = |name: &str, own: &Exponent| {
         let minima = laws.power_laws.of(name)?;
@@ -108,7 +108,7 @@ fn disagreement(laws: &Laws, exponents: &PerQuantity<Exponent>) -> Option<Doubt>
     (!told.is_empty()).then(|| Doubt::new("disagreement", what, remedy))
 }
 
-/// Minima that were left out or used in spite of a flag, where the law goes through minima.
+/// Flagged minima: left out, or used despite the flag. Only if the law goes through minima.
 fn minima(laws: &Laws) -> Option<Doubt> {
     let own: Vec<&Minimum> = laws.own_minima().collect();
     let flagged: Vec<&Minimum> = own.iter().copied().filter(|m| !m.flags.is_empty()).collect();
@@ -123,22 +123,22 @@ fn minima(laws: &Laws) -> Option<Doubt> {
     };
     let (n, all) = (flagged.len(), own.len());
     let every = if n == all {
-        format!("All {all} minima are in doubt")
+        format!("All {all} minima are flagged")
     } else {
-        format!("{n} of {all} minima {} in doubt", if n == 1 { "is" } else { "are" })
+        format!("{n} of {all} minima {} flagged", if n == 1 { "is" } else { "are" })
     };
     let what = match n {
         1..=3 => format!("{every}: {}", flagged.iter().map(named).collect::<Vec<_>>().join(", ")),
         _ if n_used == 0 => format!("{every} and left out (--full names them)"),
-        _ if n_used == n => format!(
-            "{every} and used all the same, since fewer than three others remain (--full names them)"
-        ),
+        _ if n_used == n => {
+            format!("{every} but used, since fewer than three others remain (--full names them)")
+        }
         _ => format!("{every}, {n_used} of them used (--full names them)"),
     };
     Some(Doubt::new("minima", what, ""))
 }
 
-/// Of the curves, where the law goes through their minima.
+/// The lack of fit of the curves, if the law goes through their minima.
 fn misfit(laws: &Laws) -> Option<Doubt> {
     if laws.recommended_law().is_joint() {
         return None;
@@ -148,13 +148,13 @@ fn misfit(laws: &Laws) -> Option<Doubt> {
     let p =
         if lack.p < 1e-4 { "below 1e-4".to_string() } else { format!("= {}", short(lack.p, 1)) };
     let what = format!(
-        "Curves of the minima misfit (chi2 {:.0} on {} degrees of freedom, p {p}); intervals count it as noise",
+        "The curves miss the runs by more than noise (chi2 {:.0} on {} degrees of freedom, p {p}); the intervals count this as noise",
         lack.chi2, lack.dof
     );
     Some(Doubt::new("misfit", what, ""))
 }
 
-/// One sentence on how far to believe a fit.
+/// How reliable a fit is, in one line.
 pub(in crate::laws) fn verdict(laws: &Laws, is_determined: bool, doubts: &[Doubt]) -> String {
     if !is_determined {
         return "No exponent is determined by these runs.".to_string();
@@ -165,7 +165,7 @@ pub(in crate::laws) fn verdict(laws: &Laws, is_determined: bool, doubts: &[Doubt
                 1 => "one held-out forecast".to_string(),
                 n => format!("{n} held-out forecasts"),
             };
-            format!("Tested by {forecasts}, off by {:.4} r.m.s.", scores[0].rms)
+            format!("Tested by {forecasts}: r.m.s. error {:.4}.", scores[0].rms)
         }
         Some(_) => "Not tested by any held-out budget.".to_string(),
         None => "Fitted to all runs at once; not tested by held-out budgets.".to_string(),
@@ -183,7 +183,7 @@ impl Doubt {
         Self { kind: kind.to_string(), what, remedy: remedy.to_string() }
     }
 
-    /// For a person.
+    /// The doubt with its remedy, for a person.
     pub fn sentence(&self) -> String {
         match self.remedy.as_str() {
             "" => format!("{}.", self.what),
@@ -204,13 +204,13 @@ pub(in crate::laws) enum Undetermined {
     NoOptimum,
     /// The optimum lies far beyond the sizes tried.
     BeyondSizes(Beyond),
-    /// It lies far beyond the vocabularies tried.
+    /// The optimum lies far beyond the vocabularies tried.
     BeyondVocabularies(Beyond),
-    /// The best exponent, and an interval that is too wide.
+    /// The best exponent, whose interval is too wide.
     Wide(f64, [f64; 2]),
 }
 
-/// An optimum, and the end of what was tried that it lies beyond.
+/// An optimum, and the nearest value tried.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::laws) struct Beyond {
     pub optimum: f64,
@@ -220,7 +220,7 @@ pub(in crate::laws) struct Beyond {
 impl Undetermined {
     pub fn sentence(self) -> String {
         match self {
-            Self::FewMinima => "fewer than three budgets have a minimum of their own".into(),
+            Self::FewMinima => "fewer than three budgets have a minimum".into(),
             Self::OneVocabulary => "one vocabulary was tried".into(),
             Self::NoOptimum => "the law has no optimum".into(),
             Self::BeyondSizes(beyond) => beyond.sentence("size"),
@@ -231,7 +231,7 @@ impl Undetermined {
         }
     }
 
-    /// What would settle it.
+    /// Runs to add so that the exponent is determined.
     pub fn remedy(self) -> &'static str {
         match self {
             Self::OneVocabulary => "add vocabularies",
@@ -244,7 +244,7 @@ impl Undetermined {
     }
 }
 
-/// Numbers below are written out.
+/// Smaller numbers are written without an exponent.
 const WRITTEN_OUT: f64 = 1e5;
 
 impl Beyond {
@@ -280,10 +280,10 @@ pub(in crate::laws) fn why_recommended(
     }
 }
 
-// What became of forecasts that runs have tested.
+// Forecasts that runs have tested.
 
 impl Validated {
-    /// What came of the forecast of the loss, in a sentence; none where no loss was forecast, and within the fit.
+    /// Forecast against measurement, in a sentence; `None` within the fit, or if no loss was forecast.
     pub fn sentence(&self) -> Option<String> {
         let is_forecast = self.extrapolation_factor > 1.0;
         let (loss, [low, high]) =
@@ -294,7 +294,7 @@ impl Validated {
             None => "is within the noise of its runs",
         };
         Some(format!(
-            "A forecast for {} FLOPs {verdict}: L_u {loss:.3} (95 %: {low:.3} to {high:.3}), and the best of {} runs has {:.3}{}.",
+            "A forecast for {} FLOPs {verdict}: L_u {loss:.3} (95 %: {low:.3} to {high:.3}), and the best of {} runs measured {:.3}{}.",
             count(self.budget_flops),
             self.measured.runs,
             self.measured.loss,
@@ -303,7 +303,7 @@ impl Validated {
     }
 }
 
-/// What of the optimum lies outside its interval, as the end of a sentence; empty where nothing does.
+/// The quantities of the optimum that lie outside their intervals, as the end of a sentence; empty if none do.
 fn outside(inside: &Inside) -> String {
     match &inside.outside().collect::<Vec<_>>()[..] {
         [] => String::new(),

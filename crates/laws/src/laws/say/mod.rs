@@ -1,5 +1,5 @@
-//! What a fit found, in words; the rooms below and above say nothing. Here flags, formulas and why runs are
-//! advised; sentences of doubt in `judgement` and of warning in `warnings`.
+//! All sentences about a fit. Here: flags, formulas and reasons for further runs; doubts are in `judgement`,
+//! warnings in `warnings`.
 
 mod judgement;
 pub(in crate::laws) mod warnings;
@@ -17,9 +17,9 @@ use crate::laws::parametric::Parametric;
 use crate::laws::ranking::Candidate;
 use crate::laws::text::{count, short};
 
-// The loss of the law to believe, as a formula whose coefficients have names.
+// The loss by the recommended law, as a formula with named coefficients.
 
-/// The law of the loss that is told.
+/// The law of the loss that the formula shows.
 pub(in crate::laws) enum Told<'a> {
     Log(&'a LogLaw),
     Floor(&'a FloorLaw),
@@ -28,7 +28,7 @@ pub(in crate::laws) enum Told<'a> {
 }
 
 impl<'a> Told<'a> {
-    /// None where the loss has no law.
+    /// `None` if the loss has no law.
     pub fn of(laws: &'a Laws) -> Option<Self> {
         if let (LawKind::Parametric(_), Some(own)) = (laws.law, &laws.parametric) {
             return Some(Self::Parametric(own));
@@ -47,7 +47,7 @@ impl<'a> Told<'a> {
     }
 }
 
-/// The loss under its symbol, with numbers; empty where it has no law.
+/// The formula of the loss with numbers; empty if it has no law.
 pub(in crate::laws) fn formula(
     laws: &Laws,
     symbol: &str,
@@ -109,7 +109,7 @@ fn joint_formula(
     )
 }
 
-/// Four digits that say something.
+/// Four significant digits.
 fn number(x: f64) -> String {
     if x == 0.0 || (1e-2..1e5).contains(&x.abs()) {
         let whole = x.abs().max(1.0).log10().floor() as usize + 1;
@@ -119,7 +119,7 @@ fn number(x: f64) -> String {
     }
 }
 
-/// A number behind its sign.
+/// A number after its sign.
 fn signed(x: f64) -> String {
     format!("{} {}", if x < 0.0 { "-" } else { "+" }, number(x.abs()))
 }
@@ -131,10 +131,10 @@ pub fn flags_text(flags: &[MinimumFlag]) -> String {
     flags.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }
 
-/// Flagged minima named before the rest are only counted.
+/// Flagged minima that are named; further ones are counted.
 const MOST_NAMED: usize = 8;
 
-/// Every flagged minimum by name: "1e10 (vocab-edge), 3e10 (not-convex)"; of many, the first.
+/// The flagged minima: "1e10 (vocab-edge), 3e10 (not-convex)"; the first ones if there are many.
 pub(in crate::laws) fn flagged(minima: &[Minimum]) -> String {
     let flagged: Vec<&Minimum> = minima.iter().filter(|m| !m.trusted).collect();
     let name = |m: &&Minimum| format!("{} ({})", count(m.budget_flops), flags_text(&m.flags));
@@ -145,7 +145,7 @@ pub(in crate::laws) fn flagged(minima: &[Minimum]) -> String {
     }
 }
 
-// Why runs are advised, as the end of a sentence.
+// Reasons for further runs, as the end of a sentence.
 
 fn side(largest: bool) -> &'static str {
     if largest { "largest" } else { "smallest" }
@@ -159,7 +159,7 @@ pub(in crate::laws) fn why_vocabulary_at_edge(largest: bool) -> String {
     format!("the best vocabulary is the {} tried", side(largest))
 }
 
-/// Of the sizes on either side of the minimum.
+/// `left` and `right`: the sizes on either side of the minimum.
 pub(in crate::laws) fn why_gap(left: f64, right: f64) -> String {
     let factor = right / left;
     format!(
@@ -181,7 +181,7 @@ pub(in crate::laws) fn why_seeds(has_minimum: bool) -> String {
     format!("the curve {what}; as many seeds again reduce the noise by a factor 1.4")
 }
 
-/// The next budget, of exponents with intervals of these widths and the optimal size there.
+/// Why the next budget is advised: the exponents with wide intervals, and the optimal size there.
 pub(in crate::laws) fn why_next(wide: &[(&str, f64)], size: &str, centre: f64) -> String {
     let wide = wide
         .iter()

@@ -1,4 +1,4 @@
-//! What a fit left out or rests on, in sentences.
+//! Warnings of a fit: data left out, and weak assumptions.
 
 use super::{flagged, flags_text};
 use crate::laws::input::{Cell, FitOptions, MinimumMethod, Parameters};
@@ -8,18 +8,18 @@ use crate::laws::minima::{Grid, Minimum, PREFERRED, RunNoise, has_residuals, n_v
 use crate::laws::parametric::{Finding, Influence, LEAST_ROWS};
 use crate::laws::text::{count, short, times};
 
-/// A minimum may spend this share more or less than declared before a warning says so.
+/// Largest deviation from the declared budget, as a fraction, without a warning.
 const ACHIEVED_TOLERANCE: f64 = 0.05;
 
 /// Cells that a sentence names, at most.
 const NAMED: usize = 3;
 
 pub(in crate::laws) const NOTHING_HELD_OUT: &str = "Only two budgets were run, so none is held out: the laws' \
-     error beyond them is not known, and two points fit any line.";
+     error beyond them is not known, and a line fits any two points.";
 pub(in crate::laws) const ONE_VOCABULARY: &str = "The exponent of N_v is not identified: one vocabulary \
      only. Its law and the law of N_v in N_nv are left out.";
 
-/// What the minima that the laws are fitted to left out or rest on.
+/// Warnings about the minima that the laws are fitted to.
 pub(in crate::laws) fn of_minima(
     all: &[Minimum],
     used: &[Minimum],
@@ -47,7 +47,7 @@ pub(in crate::laws) fn of_minima(
 const NO_RESIDUALS: &str = "No budget has more model sizes than its curve has coefficients, so \
      whether a curvature is weak is not known.";
 
-/// Where the minimum that misses its declared budget most misses it by much.
+/// A warning if the worst minimum spends much more or less than its declared budget.
 fn achieved(used: &[Minimum], options: &FitOptions) -> Option<String> {
     let miss = |m: &&Minimum| (m.flops / m.budget_flops).ln().abs();
     let worst = used.iter().max_by(|a, b| miss(a).total_cmp(&miss(b)))?;
@@ -87,14 +87,14 @@ pub(in crate::laws) fn of_flat(losses: f64, noise: f64) -> String {
 pub(in crate::laws) fn of_held_out(minimum: &Minimum) -> Option<String> {
     (!minimum.flags.is_empty()).then(|| {
         format!(
-            "The held-out minimum is flagged too, so the laws' error there is in doubt: {} ({}).",
+            "The held-out minimum is flagged too, so the laws' error there is unreliable: {} ({}).",
             count(minimum.budget_flops),
             flags_text(&minimum.flags)
         )
     })
 }
 
-/// Why there is no floor law, or why its exponent is no optimum.
+/// Why there is no floor law, or why its exponent lies at a bound.
 pub(in crate::laws) fn of_floor(floor: Option<&FloorLaw>, budgets: usize) -> Option<String> {
     match floor {
         None if budgets < 3 => {
@@ -102,7 +102,7 @@ pub(in crate::laws) fn of_floor(floor: Option<&FloorLaw>, budgets: usize) -> Opt
         }
         None => Some("The loss does not fall with C, so there is no floor law.".into()),
         Some(law) if law.exponent == EXPONENT_RANGE[0] => Some(
-            "The losses bend no more than the log law, so the floor law's exponent runs into its \
+            "The losses show no bend against log C, so the floor law's exponent runs into its \
              lower bound and its floor means nothing."
                 .into(),
         ),
@@ -115,12 +115,12 @@ pub(in crate::laws) fn of_floor(floor: Option<&FloorLaw>, budgets: usize) -> Opt
     }
 }
 
-const NO_NOISE: &str = "There are no intervals: how much single runs scatter is not known, for want \
-     of two degrees of freedom. Run every cell with a second seed, or add sizes.";
-const NO_SCATTER: &str = "There are no intervals: the runs scatter by no more than rounding, so they \
-     would have no width. Check that seeds differ.";
+const NO_NOISE: &str = "There are no intervals: the noise of single runs needs two degrees of freedom. \
+Run every cell with a second seed, or add sizes.";
+const NO_SCATTER: &str = "There are no intervals: the runs differ by no more than rounding, so intervals \
+would have no width. Check that seeds differ.";
 
-/// Replicates that failed, and intervals that are left out for want of replicates.
+/// Replicates that failed, and intervals that are left out because replicates are too few.
 pub(in crate::laws) fn of_bootstrap(
     noise: Option<RunNoise>,
     grids: &[Grid],
@@ -154,7 +154,7 @@ pub(in crate::laws) fn of_bootstrap(
 /// Rows that repeat a cell and seed, the first of them by name.
 pub(in crate::laws) fn of_repeats((cells, first): (usize, &str)) -> String {
     format!(
-        "{cells} cell(s) hold several runs of one seed, and their mean is taken; the first repeat is \
+        "{cells} cell(s) have several runs of one seed, and their mean is taken; the first repeat is \
          run {first}. Keep one row for each cell and seed if they differ in a setting."
     )
 }
@@ -164,14 +164,14 @@ pub(in crate::laws) fn of_lost_shares(budgets: &[f64]) -> Option<String> {
     let named: Vec<String> = budgets.iter().map(|budget| count(*budget)).collect();
     (!budgets.is_empty()).then(|| {
         format!(
-            "Runs at {} FLOPs saw smaller shares of the data alone, and are left out: train them on \
-             the largest share too.",
+            "Runs at {} FLOPs used only smaller shares of the data and are left out: train them on \
+            the largest share too.",
             named.join(", ")
         )
     })
 }
 
-/// Cells, with their budgets, that have fewer runs than others.
+/// Cells that have fewer runs than others, with their budgets.
 pub(in crate::laws) fn of_lost_runs(lost: &[(f64, &Cell)]) -> Option<String> {
     let named = lost.iter().take(NAMED).map(|(budget, cell)| {
         let v = cell.n_vocab;
@@ -185,15 +185,15 @@ pub(in crate::laws) fn of_lost_runs(lost: &[(f64, &Cell)]) -> Option<String> {
     };
     (!lost.is_empty()).then(|| {
         format!(
-            "{} cell(s) that are the best of their size have fewer runs than the others of their \
-             budget ({named}{more}). If the runs that are missing diverged, the mean is that of the \
-             luckier ones: lower the rate, or train those cells again with other seeds.",
+            "{} cell(s), each the best of its size, have fewer runs than the others of their \
+            budget ({named}{more}). If the missing runs diverged, the mean is biased low: \
+            lower the rate, or train those cells again with other seeds.",
             lost.len()
         )
     })
 }
 
-/// Laws that do not go through the kind of minimum that is preferred, though none was asked for.
+/// A warning if the laws go through another kind of minimum than the default.
 pub(in crate::laws) fn of_method(
     method: MinimumMethod,
     per_method: &[(MinimumMethod, Vec<Minimum>)],
@@ -204,13 +204,13 @@ pub(in crate::laws) fn of_method(
     let unflagged = parabolas.flat_map(|(_, minima)| minima).filter(|m| m.trusted).count();
     (options.law_method.is_none() && method != PREFERRED[0]).then(|| {
         format!(
-            "Only {unflagged} of {budgets} budgets have an unflagged parabola, so the laws of minima go \
-             through those of the kind `{method}`."
+            "Only {unflagged} of {budgets} budgets have an unflagged parabola, so the laws of minima use \
+            the kind `{method}`."
         )
     })
 }
 
-/// Runs of one budget that spend unequal shares of it, the least and the most of the budget where they differ most.
+/// A warning for runs of one budget that spend unequal shares of it: the least and the most at the worst budget.
 pub(in crate::laws) fn of_spend([least, most]: [f64; 2], budget: f64) -> String {
     format!(
         "Runs of the budget {} spend {least:.2} to {most:.2} of it, so its minimum compares unequal FLOPs: name what \
@@ -219,7 +219,7 @@ pub(in crate::laws) fn of_spend([least, most]: [f64; 2], budget: f64) -> String 
     )
 }
 
-/// Fewer replicates than were asked for, since the table is large.
+/// A warning if a large table gets fewer replicates than were asked for.
 pub(in crate::laws) fn of_cost(cells: usize, made: usize, asked: usize) -> Option<String> {
     (made < asked).then(|| {
         format!(
@@ -232,21 +232,21 @@ pub(in crate::laws) fn of_cost(cells: usize, made: usize, asked: usize) -> Optio
 pub(in crate::laws) fn of_lost_optima(lost: usize, all: usize) -> Option<String> {
     (lost > 0).then(|| {
         format!(
-            "{lost} of {all} bootstrap replicates have no optimum, a term being absent from them: the \
-             intervals are those of the rest."
+            "{lost} of {all} bootstrap replicates have no optimum because a term vanished: the \
+            intervals use the rest."
         )
     })
 }
 
-/// What the intervals of approach 1 do not know.
+/// The bias that the intervals of approach 1 do not cover.
 pub(in crate::laws) fn of_frontier(lowest: usize, runs: usize) -> String {
     format!(
-        "Approach 1 goes through the {lowest} lowest of {runs} runs, and the lowest of noisy runs is a lucky \
-         one: its intervals come from drawing training curves anew and do not know that."
+        "Approach 1 uses the {lowest} lowest of {runs} runs, and the lowest of noisy runs are lucky ones. \
+        Its intervals resample training curves and do not cover this bias."
     )
 }
 
-// What speaks against a parametric fit.
+// Doubts about a parametric fit.
 
 impl Finding {
     pub fn sentence(&self) -> String {
@@ -256,36 +256,35 @@ impl Finding {
                  exponent means nothing."
             ),
             Self::AtBound(quantity, bound) => format!(
-                "The exponent of {quantity} is not identified: it runs into its bound {bound}, \
-                 where it is held."
+                "The exponent of {quantity} is not identified: it stops at its bound {bound}."
             ),
             Self::NoFloor => "The floor E is not identified: the best fit has none.".into(),
             Self::FewStarts(reached, all) => format!(
                 "Only {reached} of {all} starts reach the best optimum found: there may be a better one."
             ),
-            Self::Unfinished(missing, all) => format!(
-                "{missing} of {all} bootstrap replicates did not reach an optimum of their own."
-            ),
+            Self::Unfinished(missing, all) => {
+                format!("{missing} of {all} bootstrap replicates did not converge.")
+            }
             Self::TooFewRows(rows, coefficients) => format!(
                 "{rows} rows are fewer than {LEAST_ROWS} times the {coefficients} coefficients: the law \
                  follows single rows, and its intervals are too narrow. Add runs."
             ),
             Self::FewRows(rows, coefficients) => format!(
-                "{rows} rows are few for {coefficients} coefficients: drawing among so few makes \
-                 intervals too narrow."
+                "{rows} rows are few for {coefficients} coefficients: resampling so few makes \
+                intervals too narrow."
             ),
         }
     }
 }
 
 impl Influence {
-    /// What of the optimal `size` hangs on which rows.
+    /// The rows that move the optimal `size` most, and by how much.
     pub(in crate::laws) fn sentence(&self, size: &str) -> String {
         let Self { budget_flops, rows, params, params_without } = self;
         let factor = (params / params_without).max(params_without / params);
         format!(
             "{} row(s) move the optimal {size} at {} FLOPs by a factor {}: without {} it is {}, with \
-             them {}. Look at them, or leave them out by --where or --drop-highest.",
+             them {}. Check them, or leave them out by --where or --drop-highest.",
             rows.len(),
             count(*budget_flops),
             times(factor),

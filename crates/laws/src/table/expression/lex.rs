@@ -1,8 +1,7 @@
-//! An expression's text into tokens.
+//! Splits an expression's text into tokens.
 //!
-//! What a word means depends on whether an operand or an operator may stand there: `and` after an
-//! operand joins, while a column may be named `and so on`. So the lexer keeps track of which of the
-//! two is due.
+//! The meaning of a word depends on whether an operand or an operator is expected: `and` after an operand is an
+//! operator, while a column may be named `and so on`. So the lexer tracks which of the two is expected.
 
 use std::ops::Range;
 
@@ -121,7 +120,7 @@ impl Lexer<'_> {
         Ok(Token::Leaf(Form::Number(number)))
     }
 
-    /// What stands between two of `quote`, which within is written twice.
+    /// The text between two `quote`s; a quote within is doubled.
     fn quoted(&mut self, quote: char) -> Result<String, Fault> {
         let open = self.at;
         let mut value = String::new();
@@ -149,7 +148,7 @@ impl Lexer<'_> {
         Some(Token::Leaf(Form::Column { name: name.to_string(), reads }))
     }
 
-    /// A word by what is due; of column, keyword and function, the longest that fits.
+    /// A word by what is expected: the longest match among column, keyword and function.
     fn word(&mut self) -> Result<Token, Fault> {
         let word = self.rest().split(|c| !is_word(c)).next().unwrap_or_default().to_string();
         let column =
@@ -195,8 +194,8 @@ impl Lexer<'_> {
         if self.rest()[word.len()..].trim_start().starts_with('(') {
             return (span, unknown_function(word));
         }
-        // No two words stand side by side but for `and` and `or`: all up to the next symbol is
-        // one name.
+        // Two words follow each other only around `and` and `or`: everything up to the next symbol is one
+        // name.
         let run = self.rest().split(|c: char| !is_word(c) && c != ' ').next().unwrap_or(word);
         let run = run.split(" and ").next().and_then(|run| run.split(" or ").next());
         let run = run.unwrap_or(word).trim_end();

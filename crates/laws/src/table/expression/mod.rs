@@ -12,12 +12,11 @@
 //! | most | `^`, from the right: 2^3^2 is 2^9 and −2^2 is −4 |
 //!
 //! Functions are ln, log10, log2, exp, sqrt, abs, round, floor, ceil, min and max; words are `true`
-//! and `false`. A column is written as it is named, spaces and dashes included: where a name may
-//! stand, the longest name of the table that fits there is taken. In backticks any name may stand.
-//! Texts stand in single or double quotes; a quote within is written twice.
+//! and `false`. A column is written by its name, spaces and dashes included: the longest matching name of the table is
+//! taken. Any name may be written in backticks. Texts are in single or double quotes; a quote within is doubled.
 //!
-//! A comparison is 1 or 0, and every number but 0 is true. What is missing stays missing, through
-//! every operator: NaN for a number, and a comparison with an empty cell is NaN.
+//! A comparison is 1 or 0, and every number but 0 is true. Missing values propagate through every operator: NaN for a
+//! number, and a comparison with an empty cell is NaN.
 
 mod lex;
 #[cfg(test)]
@@ -41,7 +40,7 @@ impl Expression {
     /// Reads an expression over the columns of `table`.
     ///
     /// # Errors
-    /// What was not understood, with a caret under it and the nearest valid name.
+    /// The part not understood, with a caret under it and the nearest valid name.
     pub fn parse(text: &str, table: &Table) -> Result<Self, ExpressionError> {
         let root = tokens(text, table).and_then(|tokens| parse(tokens, text.len()));
         let root = root.map_err(|(span, problem)| {
@@ -58,7 +57,7 @@ impl Expression {
         Some(Self { text: name.to_string(), root })
     }
 
-    /// What was written.
+    /// The text as written.
     pub fn text(&self) -> &str {
         &self.text
     }
@@ -66,7 +65,7 @@ impl Expression {
     /// The value for each row; NaN where something is missing.
     ///
     /// # Errors
-    /// Where the expression is a text, or `table` lacks a column of the table it was read for.
+    /// If the expression is a text, or `table` lacks a column of the table it was read for.
     pub fn numbers(&self, table: &Table) -> Result<Vec<f64>, ExpressionError> {
         match self.value(table)? {
             Value::Numbers(numbers) => Ok(numbers.spread(table.n_rows)),
@@ -86,7 +85,7 @@ impl Expression {
         Ok(self.numbers(table)?.iter().map(passes).collect())
     }
 
-    /// The value for each row as text; empty where it is missing.
+    /// The value for each row as text; empty if it is missing.
     pub(super) fn texts(&self, table: &Table) -> Result<Vec<String>, ExpressionError> {
         if let Form::Column { name, .. } = &self.root.form
             && let Some(super::Column::Written { cells, .. }) = table.column(name)

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::table::{Column, ExpressionProblem as Problem, Reads, Table};
 
-/// What is wrong, and in which bytes.
+/// The problem, and its bytes.
 pub(super) type Fault = (Range<usize>, Problem);
 
 /// A part of an expression.
@@ -88,7 +88,7 @@ impl Operator {
     }
 }
 
-/// How tightly the prefixes hold what follows.
+/// Binding powers of the prefix operators.
 pub(super) const NOT: u8 = 5;
 pub(super) const NEGATE: u8 = 13;
 
@@ -96,7 +96,7 @@ pub(super) const NEGATE: u8 = 13;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Function(usize);
 
-/// What a function takes: one argument, or two and more, of which each is joined with those before it.
+/// The arguments of a function: one, or two and more, combined from the left.
 enum Takes {
     One(fn(f64) -> f64),
     Several(fn(f64, f64) -> f64),
@@ -180,7 +180,7 @@ fn zip<'a, T: Clone>(
     }
 }
 
-/// NaN where either is: the standard library's powf, min and max would hide what is missing.
+/// NaN if either is: the standard library's powf, min and max would hide missing values.
 fn present(join: impl Fn(f64, f64) -> f64) -> impl Fn(&f64, &f64) -> f64 {
     move |a, b| if a.is_nan() || b.is_nan() { f64::NAN } else { join(*a, *b) }
 }

@@ -1,4 +1,4 @@
-//! Rows that cannot be trusted, a stage at a time; each is a pure function of the points.
+//! Drops doubtful rows, one stage at a time; each stage is a pure function of the points.
 
 mod course;
 mod groups;
@@ -119,9 +119,9 @@ fn of_budgets(
 /// Sizes within this share of each other are one.
 const SAME_SIZE: f64 = 0.01;
 
-/// Drops a run where an earlier one that stays has its budget, V and seed, and its N within 1 %.
+/// Drops a run if an earlier kept one has the same budget, V and seed, and N within 1 %.
 ///
-/// Nearly equal sizes weigh twice in a parabola and tear a spline.
+/// Nearly equal sizes count twice in a parabola and distort a spline.
 fn duplicates(points: &[IsoFlopPoint]) -> Verdicts {
     let mut verdicts = vec![None; points.len()];
     for runs in vocabularies(points) {
@@ -182,10 +182,10 @@ fn off_centre(points: &[IsoFlopPoint], runs: &[usize]) -> Option<String> {
     })
 }
 
-/// Where the least-squares parabola through the points has its minimum; none where it has none.
+/// The minimum of the least-squares parabola through the points; `None` if it has none.
 ///
-/// It is laid in polynomials orthogonal over the points: 1, z − m, and z² less its projections, so
-/// that no system has to be solved.
+/// It uses polynomials orthogonal over the points: 1, z − m, and z² minus its projections, so no system has to be
+/// solved.
 fn vertex(z: &[f64], y: &[f64]) -> Option<f64> {
     let n = z.len() as f64;
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();

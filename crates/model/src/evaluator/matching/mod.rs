@@ -110,7 +110,7 @@ impl Movement {
         let device = self.output.device();
         let x_ntf = frames(rows, &device);
         let first = rectified(self.first.forward(x_ntf), self.dropout, rng.as_deref_mut());
-        // Beyond the end of a motion there is nothing, as beyond that of the longest.
+        // Rows beyond the end of a motion are zero, as beyond the longest.
         let first = first * there(rows, &device);
         let second = rectified(self.second.forward(first), self.dropout, rng);
         let [n, r, c] = second.dims();
@@ -133,7 +133,7 @@ fn frames(rows: &Rows, device: &Device) -> Tensor<3> {
     Tensor::from_data(TensorData::new(values, shape), device)
 }
 
-/// 1 where a motion has a frame at half the rate, else 0, `[n, 2 r, 1]`.
+/// 1 if a motion has a frame at half the rate, else 0, `[n, 2 r, 1]`.
 fn there(rows: &Rows, device: &Device) -> Tensor<3> {
     let halves = 2 * longest(rows);
     let of = |length: &usize| {

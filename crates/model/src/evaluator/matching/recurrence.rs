@@ -16,7 +16,7 @@ use crate::ops::Kernels;
 /// Slope of the rectifiers below 0.
 pub const SLOPE: f64 = 0.2;
 
-/// What a variance is raised by before it divides.
+/// Added to a variance before division.
 const EPSILON: f64 = 1e-5;
 
 /// A layer, a GRU from either end, and a head over their last states.
@@ -26,7 +26,7 @@ pub struct Reader {
     forwards: Gru,
     backwards: Gru,
     hidden: Affine,
-    /// Of a layer normalisation, `[h]` each.
+    /// Parameters of a layer normalisation, `[h]` each.
     scale: Param<Tensor<1>>,
     shift: Param<Tensor<1>>,
     output: Affine,
@@ -46,7 +46,7 @@ impl Reader {
         }
     }
 
-    /// Where the parameters are.
+    /// The device of the parameters.
     pub fn device(&self) -> Device {
         self.output.device()
     }
@@ -148,7 +148,7 @@ pub struct Order {
 }
 
 impl Order {
-    /// Sequences that stand one after another.
+    /// Concatenated sequences.
     pub fn packed(lengths: &[usize]) -> Self {
         let start = |end: &mut usize, length: &usize| {
             let start = *end;
@@ -158,7 +158,7 @@ impl Order {
         Self { sequences: lengths.iter().scan(0, start).collect() }
     }
 
-    /// Sequences that stand `stride` rows apart.
+    /// Sequences `stride` rows apart.
     pub fn padded(lengths: &[usize], stride: usize) -> Self {
         let at = |(i, length): (usize, &usize)| (i * stride, *length);
         Self { sequences: lengths.iter().enumerate().map(at).collect() }
@@ -174,13 +174,12 @@ impl Order {
         self.sequences.iter().map(|(_, length)| *length).max().unwrap_or(0)
     }
 
-    /// The rows of all first steps, then of all second ones, and so on: what stands behind the end of a
-    /// sequence is its last row.
+    /// The rows of all first steps, then of all second ones, and so on; beyond the end of a sequence, its last row.
     fn forwards(&self) -> Arc<[u32]> {
         self.rows(|step, start, length| start + step.min(length - 1))
     }
 
-    /// The same from the end of each sequence to its start.
+    /// The same in reverse.
     fn backwards(&self) -> Arc<[u32]> {
         self.rows(|step, start, length| start + (length - 1).saturating_sub(step))
     }
@@ -191,7 +190,7 @@ impl Order {
         all.map(|(step, start, length)| row(step, start, length) as u32).collect()
     }
 
-    /// Which sequences go on at a step, 1 or 0, `[n, 1]`; `None` where all do.
+    /// 1 for sequences that continue at a step, else 0, `[n, 1]`; `None` if all do.
     fn going_on(&self, step: usize, device: &Device) -> Option<Tensor<2>> {
         let goes = |(_, length): &(usize, usize)| f32::from(u8::from(step < *length));
         let values: Vec<f32> = self.sequences.iter().map(goes).collect();

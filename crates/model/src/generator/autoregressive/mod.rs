@@ -1,8 +1,8 @@
 //! ScaMo's text-prefix autoregressive transformer: model, batches, training, loss, sampling.
 //!
-//! Codes of several scales are one sequence, scale after scale, and the codebooks one vocabulary: V is
-//! the sum of theirs. Such clips have no end token, since the lengths of the scales tell where they end;
-//! its row and its logit stand unused, so that a model has the same shape for every grid.
+//! Codes of several scales are one sequence, scale by scale, and the codebooks one vocabulary: V is their sum. Such
+//! clips have no end token, since the lengths of the scales determine the end; its row and its logit are unused, so a
+//! model has the same shape for every grid.
 
 mod stream;
 mod transformer;
@@ -132,7 +132,7 @@ pub fn split_loss(model: &Model, inputs: &Inputs, split: Split) -> SplitLoss {
     sums.loss()
 }
 
-// Motions from the transformer: a code at a time, by what the model says of the next one.
+// Samples motions from the transformer, one code at a time.
 
 /// A trained transformer.
 struct AutoregressiveSampler {
@@ -163,7 +163,7 @@ impl AutoregressiveSampler {
 }
 
 impl Sampler for AutoregressiveSampler {
-    /// Codes of fixed numbers do not tell a length.
+    /// A fixed number of codes does not determine a length.
     fn wants_length(&self) -> bool {
         self.grid.frames_per_code().is_none()
     }

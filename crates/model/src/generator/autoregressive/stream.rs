@@ -15,9 +15,9 @@ const FIRST_EPOCH_STREAM: u64 = 1 << 32;
 
 /// The training split as an endless stream of supervised tokens, reshuffled each epoch.
 ///
-/// A step takes the next `batch_tokens` of them. A clip that straddles two steps stands in both,
-/// each time with its own part supervised, so that every step has the same number of targets and
-/// every target is met once an epoch. Codes of several scales follow one another, scale after scale.
+/// A step takes the next `batch_tokens` of them. A clip that straddles two steps is in both, each time with a different
+/// part supervised, so every step has the same number of targets and every target occurs once per epoch. Codes of
+/// several scales follow each other, scale by scale.
 pub struct TokenStream<'a> {
     tokens: &'a TokenStore,
     text: &'a TextStore,
@@ -26,7 +26,7 @@ pub struct TokenStream<'a> {
     clips: Vec<usize>,
     /// Supervised tokens of an epoch.
     epoch_tokens: usize,
-    /// How much of a clip of the training split is supervised.
+    /// The supervised part of a training clip.
     n_targets: fn(&TokenStore, usize) -> usize,
     captions: ShownCaptions,
     epoch: Option<Epoch>,
@@ -35,7 +35,7 @@ pub struct TokenStream<'a> {
 /// A clip of the stream, and which of its targets are supervised.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Its place in the training split.
+    /// Its index in the training split.
     pub clip: usize,
     /// The caption that it shows.
     pub caption: u32,
@@ -47,7 +47,7 @@ pub struct Part {
 struct Epoch {
     index: usize,
     clips: Vec<(usize, u32)>,
-    /// Where each clip's targets start, and the end.
+    /// The start of each clip's targets, and the end.
     starts: Vec<usize>,
 }
 
@@ -57,8 +57,8 @@ impl<'a> TokenStream<'a> {
         Self::of(tokens, text, seed, |tokens, clip| tokens.n_targets_of_clip(Split::Train, clip))
     }
 
-    /// The same of places: the codes of the first scale, without end tokens, for models that are told
-    /// how long a clip is.
+    /// The same for positions: the codes of the first scale, without end tokens, for models that are given a clip's
+    /// length.
     pub fn of_places(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
         Self::of(tokens, text, seed, |tokens, clip| tokens.scale(Split::Train, clip, 0).len())
     }
@@ -166,8 +166,7 @@ impl<'a> TokenStream<'a> {
 
 // [`StreamForm`]: a stream that grows.
 
-/// The stream of a clip, scale after scale, ids of a scale following those of the scales before it;
-/// after all of them the end token.
+/// The stream of a clip, scale by scale, with ids offset by earlier codebooks; the end token is last.
 #[derive(Clone, Debug)]
 pub struct StreamForm<'a> {
     grid: &'a Grid,
@@ -181,7 +180,7 @@ pub struct StreamForm<'a> {
     room: usize,
 }
 
-/// What may come next.
+/// The codes allowed next.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Choices {
     /// An id of these ranges.
@@ -201,7 +200,7 @@ impl<'a> StreamForm<'a> {
         Self { grid, lengths, n_frames, ids: Vec::new(), room }
     }
 
-    /// What may follow the ids so far.
+    /// The codes allowed after the ids so far.
     pub fn choices(&self) -> Choices {
         let Some(lengths) = &self.lengths else { return self.open_choices() };
         let mut left = self.ids.len();
@@ -214,8 +213,8 @@ impl<'a> StreamForm<'a> {
         Choices::Whole
     }
 
-    /// The same while the length is not known: the first scale goes on, or ends where there is no room
-    /// for more on every scale. A clip has a code.
+    /// The same while the length is unknown: the first scale continues, or ends if some scale has no room for more. A clip
+    /// has at least one code.
     fn open_choices(&self) -> Choices {
         if self.ended() {
             return Choices::Whole;
@@ -260,7 +259,7 @@ impl<'a> StreamForm<'a> {
         self.ids.last().copied()
     }
 
-    /// The codes of the clip, each in its own codebook, and the frames that they stand for.
+    /// The codes of the clip, each in its own codebook, and the frames that they cover.
     pub fn into_codes(self) -> (Vec<u32>, usize) {
         let n_first =
             self.ids.iter().filter(|&&id| self.ids_of(0).contains(&(id as usize))).count();

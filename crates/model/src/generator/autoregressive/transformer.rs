@@ -29,7 +29,7 @@ pub struct Transformer {
     text_bias: Param<Tensor<1>>,
     pub(super) blocks: Vec<Block>,
     norm: Param<Tensor<1>>,
-    /// `[d, V + 1]`: codes and end; absent where tied to the embedding.
+    /// `[d, V + 1]`: codes and end; absent if tied to the embedding.
     head: Option<Param<Tensor<2>>>,
 }
 
@@ -51,7 +51,7 @@ impl Transformer {
     }
 }
 
-/// A transformer with what its forward pass needs beside its parameters.
+/// A transformer with the non-trained inputs of its forward pass.
 #[derive(Clone, Debug)]
 pub struct Model {
     pub weights: Transformer,
@@ -103,7 +103,7 @@ impl Model {
         self.head_logits(self.features(batch))
     }
 
-    /// What the blocks make of the supervised rows, `[s, d]`.
+    /// The output of the blocks for the supervised rows, `[s, d]`.
     fn features(&self, batch: &Batch) -> Tensor<2> {
         let Backbone { kernels, .. } = self.backbone;
         let mut rows = vec![self.embed_text(batch.text.clone())];
@@ -197,11 +197,11 @@ pub struct Batch {
     pub text: Vec<f32>,
     /// Codes of all motion rows.
     pub codes: Arc<[u32]>,
-    /// For each row of the batch, where it comes from: a text row, or `n_text_rows` + a code.
+    /// The source of each row of the batch: a text row, or `n_text_rows` + a code.
     pub order: Arc<[u32]>,
     /// Rows that predict a supervised target.
     pub target_rows: Arc<[u32]>,
-    /// What they should predict, in `0..=V`.
+    /// Their targets, in `0..=V`.
     pub targets: Arc<[u32]>,
 }
 
@@ -232,10 +232,10 @@ impl Batch {
     }
 }
 
-// [`Decoder`]: sequences that grow by a code at a time.
+// [`Decoder`]: sequences that grow by one code at a time.
 //
-// Each position is turned by its place in its own sequence, so that the logits are those of a whole
-// pass over `[text | codes]`.
+// Each position is rotated by its index in its own sequence, so the logits equal those of a whole pass over
+// `[text | codes]`.
 //
 // Shapes: b sequences, p positions of the longest text.
 
@@ -263,8 +263,8 @@ impl<'a> Decoder<'a> {
         (Self { model, growing, n_codes: 0 }, logits)
     }
 
-    /// A code for each sequence joins it; the logits of what follows, `[b, V + 1]`. A sequence that
-    /// is whole goes on beside the others, unread, and may leave the context.
+    /// Appends a code to each sequence; returns the next logits, `[b, V + 1]`. A finished sequence continues, ignored, and
+    /// may exceed the context.
     pub fn push(&mut self, codes: &Arc<[u32]>) -> Tensor<2> {
         let last = self.model.shape().n_ctx - 1;
         let angle = |prefix: &usize| (prefix + self.n_codes).min(last);

@@ -24,9 +24,9 @@ use crate::spec::{GeneratorSpec, MaskedSpec, ModelShape, RunSpec};
 pub struct Hidden<'a> {
     /// Frozen text vectors, `[n_text, d_text]` row-major, at least one row.
     pub text: &'a [f32],
-    /// The codes as they are shown; the end token's id stands for a hidden one.
+    /// The visible codes; the end token's id stands for a hidden one.
     pub shown: Vec<u32>,
-    /// Codes that are supervised, by place, and what they are.
+    /// Positions and values of the supervised codes.
     pub targets: Vec<(usize, u32)>,
 }
 
@@ -98,13 +98,13 @@ pub struct Shown<'a> {
 }
 
 impl<'a> Shown<'a> {
-    /// Those that a run learns from.
+    /// The codes for training a run.
     pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
         Self { spec, inputs, no_text: vec![0.0; spec.shape().d_text] }
     }
 
-    /// A clip for the first stage: codes of the whole clip are hidden, and those of the part at hand
-    /// supervised, at least one.
+    /// A clip for the first stage: codes of the whole clip are hidden; those in the current part are supervised, at least
+    /// one.
     pub fn hidden(&self, part: &Part, rng: &mut ChaCha8Rng) -> Hidden<'_> {
         let (own, n_vocab) = (own(self.spec), self.spec.codes.scales[0].n_vocab);
         let codes = self.inputs.tokens.scale(Split::Train, part.clip, 0);
@@ -163,13 +163,13 @@ pub fn drawn_layer(n_layers: usize, u: f64) -> usize {
 // m hidden codes of n, m drawn evenly from 1 to n and the hidden ones at random, the mean over them of
 // −ln p is a bound on the nats of a code. Each clip is measured at [`MASKS`] values of m, spread evenly.
 
-/// How often each clip is measured.
+/// Number of masks per clip.
 const MASKS: usize = 4;
 
-/// Seeds what is hidden: the same for every model.
+/// Seed of the masks, the same for every model.
 const SEED: u64 = 0;
 
-/// Takes in what a model has on the codes of the first scale, each clip with one of its captions.
+/// Adds a model's loss on the codes of the first scale, each clip with one of its captions.
 pub fn bound(model: &Model, inputs: &Inputs, sums: &mut SplitSums) {
     let (tokens, split) = (inputs.tokens, sums.split);
     let n_vocab = tokens.grid().scales[0].n_vocab;
@@ -186,7 +186,7 @@ pub fn bound(model: &Model, inputs: &Inputs, sums: &mut SplitSums) {
             let batch = pack(&hidden, inputs.text.dim());
             let mut own = model.nll(&batch).into_iter();
             for (clip, hidden) in clips.clone().zip(&hidden) {
-                // The mean over hidden codes stands for every code of the clip.
+                // The mean over hidden codes is used for every code of the clip.
                 let n_hidden = hidden.targets.len();
                 let weight = hidden.shown.len() as f64 / (MASKS * n_hidden) as f64;
                 sums.add_nats(clip, weight * own.by_ref().take(n_hidden).sum::<f64>());
@@ -197,7 +197,7 @@ pub fn bound(model: &Model, inputs: &Inputs, sums: &mut SplitSums) {
     }
 }
 
-/// How many of `n` codes are hidden: the values of all masks and clips are spread evenly from 1 to n.
+/// The number of hidden codes out of `n`: over all masks and clips, uniform from 1 to n.
 fn spread(n: usize, mask: usize, clip: usize) -> usize {
     // Clips are shifted against one another by the golden section, which fills a span evenly.
     let shift = (clip as f64 * 0.618_033_988_749_895).fract();

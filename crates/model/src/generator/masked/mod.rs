@@ -1,10 +1,8 @@
-//! MoMask's masked transformer: hidden codes are predicted from the text and the codes that are not
-//! hidden; motions are made in a few rounds, the surest codes first. Codes of several layers have a
-//! second transformer ([`residual`]).
+//! MoMask's masked transformer: predicts hidden codes from the text and the visible codes; motions are made in a few
+//! rounds, the surest codes first. Codes of several layers have a second transformer ([`residual`]).
 //!
-//! The network is the autoregressive transformer's, parameter for parameter, so that the two differ in
-//! what they are asked alone. MoMask's own has post-norm, biases and sinusoidal positions, and the
-//! sentence as one token in front.
+//! The network has the parameters of the autoregressive transformer, so the two differ only in their task. MoMask's own
+//! has post-norm, biases and sinusoidal positions, and the sentence as one token in front.
 
 mod hidden;
 pub mod residual;
@@ -93,8 +91,8 @@ impl<'a> Objective<'a> for HiddenCodes<'a> {
     }
 }
 
-// Motions from the masked transformer: all codes at once, of which the surest stay, round after round;
-// then, where there are further layers, those of a layer all at once.
+// Samples motions from the masked transformer: all codes at once, keeping the surest, round by round; then all codes
+// of each further layer at once.
 
 /// A trained transformer, or both stages.
 pub struct MaskedSampler {
@@ -174,8 +172,7 @@ impl MaskedSampler {
         }
     }
 
-    /// The codes of the layers after the first join motions that have those of the first: a layer at a time,
-    /// its codes all at once.
+    /// Adds the codes of further layers to motions with codes of the first, layer by layer.
     fn draw_layers(&self, model: &ResidualModel, making: &mut [Making], sampling: &Sampling) {
         for layer in 1..self.grid.scales.len() {
             let pass = |text| self.layer_logits(model, making, layer, text);

@@ -15,11 +15,11 @@ use crate::spec::ScalewiseSpec;
 pub struct Clip<'a> {
     /// Frozen text vectors, `[n_text, d_text]` row-major, at least one row.
     pub text: &'a [f32],
-    /// The codes that it should predict, scale after scale, those of one codebook from 0.
+    /// The targets, scale by scale, numbered from 0 in each codebook.
     pub codes: &'a [u32],
     /// Codes of each scale.
     pub lengths: Vec<usize>,
-    /// What each scale but the first is shown, `[s, c]` row-major.
+    /// The input of each scale but the first, `[s, c]` row-major.
     pub inputs: Vec<Vec<f32>>,
     /// Its length in latents.
     pub n_latents: usize,
@@ -28,7 +28,7 @@ pub struct Clip<'a> {
 }
 
 impl<'a> Clip<'a> {
-    /// A clip of a split whose scales are shown what `shown` makes of its codes and their numbers.
+    /// A clip of a split, with the inputs of scales computed by `shown` from its codes and their numbers.
     pub fn of(
         (inputs, grid): (&Inputs<'a>, &Grid),
         (split, index): (Split, usize),
@@ -44,7 +44,7 @@ impl<'a> Clip<'a> {
         Self { text, codes, lengths, inputs, n_latents, supervised }
     }
 
-    /// Its rows of text, of the first scale, and of the others.
+    /// Its numbers of rows: text, first scale, other scales.
     fn rows(&self, d_text: usize) -> [usize; 3] {
         let first = self.lengths[0];
         [self.text.len() / d_text, first, self.lengths.iter().sum::<usize>() - first]
@@ -66,10 +66,9 @@ pub struct Batch {
     pub inputs: Vec<f32>,
     /// The scale of each of their rows.
     pub levels: Arc<[u32]>,
-    /// For each row of the batch, where it comes from: a text row, a row of the first scale after all
-    /// text rows, or a row of another after these.
+    /// The source of each row of the batch: a text row, then rows of the first scale, then of the others.
     pub order: Arc<[u32]>,
-    /// What is supervised of each scale.
+    /// The supervised codes of each scale.
     pub targets: Vec<Supervised>,
 }
 
@@ -111,7 +110,7 @@ impl Batch {
     }
 }
 
-/// What is supervised of each scale of clips that have so many rows.
+/// The supervised codes of each scale, for clips with these numbers of rows.
 fn supervised(clips: &[Clip], sizes: &[[usize; 3]], n_scales: usize) -> Vec<Supervised> {
     let (mut first, mut targets) = (0, vec![<(Vec<u32>, Vec<u32>)>::default(); n_scales]);
     for (clip, size) in clips.iter().zip(sizes) {
@@ -127,16 +126,15 @@ fn supervised(clips: &[Clip], sizes: &[[usize; 3]], n_scales: usize) -> Vec<Supe
     targets.into_iter().map(Supervised::from).collect()
 }
 
-// [`Places`]: where text and codes stand in time, for the angles of attention.
+// [`Places`]: times of text and codes, for the angles of attention.
 
 /// The span of a clip, whatever the length of a scale: codes of one time have one angle (LG-Tok).
 const SPAN: f64 = 64.0;
 
 /// The angles of text and of every slot of every scale.
 ///
-/// The last word of a text stands at −1 and the others before it. Slot j of a scale of s codes stands at
-/// the middle of what it covers, 64 (j + ½) / s, where s is the scale's length, or that of the longest
-/// clip where a code stands for so many frames.
+/// The last word of a text is at −1 and the others before it. Slot j of a scale of s codes is at the middle of its span,
+/// 64 (j + ½) / s, with s the scale's length, or the longest clip's if a code covers a fixed number of frames.
 #[derive(Clone, Debug)]
 pub struct Places {
     pub rope: Arc<Rope>,

@@ -1,11 +1,10 @@
-//! LG-Tok's scale-by-scale transformer (after MoSa and VAR): the codes of a scale are predicted all at
-//! once, from the text, the length of the clip and the scales before.
+//! LG-Tok's scale-by-scale transformer (after MoSa and VAR): predicts all codes of a scale at once, from the text, the
+//! length of the clip and the earlier scales.
 //!
-//! A sequence is `[text | scale 1 | scale 2 | …]`. The rows of scale 1 are learned; those of a later
-//! scale are the sum of what the scales before it add to the tokenizer's latents, brought to its length
-//! and projected. A row sees text and all rows of its own and earlier scales, and codes of one time have
-//! one angle. Text stands in front, as in the autoregressive transformer; the released code reads it by
-//! cross-attention.
+//! A sequence is `[text | scale 1 | scale 2 | …]`. The rows of scale 1 are learned; those of a later scale are the sum
+//! of the earlier scales' contributions to the tokenizer's latents, resized to its length and projected. A row attends
+//! to the text and all rows of its own and earlier scales, and codes at the same time have the same angle. Text is in
+//! front, as in the autoregressive transformer; the released code uses cross-attention.
 
 mod batch;
 mod model;
@@ -130,7 +129,7 @@ impl<'a> Objective<'a> for EachScale<'a> {
         split_loss(&model.frozen(), self.inputs, split)
     }
 
-    /// Of the largest scale: an ignorant model is no worse on another.
+    /// For the largest scale: a uniform guess is no worse on others.
     fn uniform_nats(&self) -> f64 {
         let largest = self.spec.codes.scales.iter().map(|scale| scale.n_vocab).max();
         (largest.unwrap_or(1) as f64).ln()

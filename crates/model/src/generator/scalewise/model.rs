@@ -28,7 +28,7 @@ pub struct ScalewiseTransformer {
     lengths: Param<Tensor<2>>,
     /// Added to the rows of each scale, `[K, d]`.
     levels: Param<Tensor<2>>,
-    /// `[c, d]`: from what the scales before make of the latents.
+    /// `[c, d]`: projects the earlier scales' contribution to the latents.
     input_weight: Param<Tensor<2>>,
     input_bias: Param<Tensor<1>>,
     pub(super) blocks: Vec<Block>,
@@ -61,7 +61,7 @@ impl ScalewiseTransformer {
     }
 }
 
-/// The model with what its forward pass needs beside its parameters.
+/// The model with the non-trained inputs of its forward pass.
 #[derive(Clone, Debug)]
 pub struct Model {
     pub weights: ScalewiseTransformer,
@@ -97,7 +97,7 @@ impl Model {
         &self.spec
     }
 
-    /// Where its rows stand in time.
+    /// The times of its rows.
     pub fn places(&self) -> &Places {
         &self.places
     }
@@ -113,7 +113,7 @@ impl Model {
         self.backbone.kernels.logits(x_nd, self.head(scale), EPSILON)
     }
 
-    /// What the blocks make of all rows, `[n, d]`.
+    /// The output of the blocks for all rows, `[n, d]`.
     pub fn features(&self, batch: &Batch) -> Tensor<2> {
         let text_nd = self.text_rows(batch.text.clone(), &batch.text_lengths);
         let starts_nd = self.start_rows(&batch.starts, &batch.start_lengths);

@@ -1,8 +1,7 @@
-//! [`Buffer`]: memory that is handed from step to step; flex's tensors and their elements.
+//! [`Buffer`]: memory reused from step to step; flex's tensors and their elements.
 //!
-//! Fresh memory costs a page fault and the clearing of a page for every four kilobytes, which at
-//! the sizes of a training step takes as long as many of its kernels. So what a step lets go of
-//! waits here, by thread and by size, for the next one.
+//! Fresh memory costs a page fault and the clearing of a page for every four kilobytes, which in a training step takes as
+//! long as many of its kernels. So memory freed by a step is kept here, by thread and size, for the next one.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;

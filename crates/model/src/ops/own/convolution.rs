@@ -1,5 +1,5 @@
-//! Convolutions over frames, a few rows at a time: what a row reads is laid side by side, and
-//! multiplied by one weight while it is in the cache.
+//! Convolutions over frames, a few rows at a time: the inputs of a row are concatenated, and multiplied by one weight
+//! while they are in the cache.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use crate::ops::{Convolution, Taps};
 /// Rows of a chunk.
 const CHUNK: usize = 128;
 
-/// What each row made reads of x `[n, c]`: for every row, k places.
+/// The inputs of each output row in x `[n, c]`: k indices per row.
 struct Reading<'a> {
     convolution: Convolution,
     x: &'a [f32],
@@ -41,7 +41,7 @@ impl<'a> Reading<'a> {
         &self.sources[rows.start * k..rows.end * k]
     }
 
-    /// What `rows` read, `[rows, k c]`: x itself, or laid side by side in `room`.
+    /// The inputs of `rows`, `[rows, k c]`: x itself, or concatenated in `room`.
     fn of<'b>(&'b self, rows: &Range<usize>, room: &'b mut [f32]) -> &'b [f32] {
         let rectify = self.convolution.rectify;
         match (self.convolution.taps, rectify) {
@@ -65,7 +65,7 @@ impl<'a> Reading<'a> {
         room
     }
 
-    /// Adds the gradients by what `rows` read to those by x.
+    /// Adds the gradients by the inputs of `rows` to those by x.
     fn give_back(&self, rows: &Range<usize>, by_taps: &[f32], by_x: &mut [f32]) {
         for (&source, from) in self.sources(rows).iter().zip(by_taps.chunks_exact(self.c)) {
             let Some(row) = source else { continue };
@@ -132,7 +132,7 @@ impl Operation<3> for Convolution {
     }
 }
 
-/// max(x, 0), but what is no number stays none: `f32::max` would hide it.
+/// max(x, 0) that keeps NaN: `f32::max` would hide it.
 fn rectified(x: f32) -> f32 {
     if x < 0.0 { 0.0 } else { x }
 }

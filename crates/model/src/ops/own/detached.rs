@@ -1,4 +1,4 @@
-//! Operations outside autodiff: the losses of rows, the nearest codes, and what a step does to parameters.
+//! Operations outside autodiff: the losses of rows, the nearest codes, and the update of parameters.
 
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Dispatch, Flex, backend_extension};
@@ -83,7 +83,7 @@ trait Detached: Backend {
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
 }
 
-/// Numbers, each as the nearest `f32` and what is left.
+/// Numbers, each as the nearest `f32` and the remainder.
 fn parts(numbers: &[f64]) -> Vec<f32> {
     let parts = |&x: &f64| [x as f32, (x - f64::from(x as f32)) as f32];
     numbers.iter().flat_map(parts).collect()
@@ -199,7 +199,7 @@ fn place(products: &[f32], stride: usize, halves: &[f32], value: f32) -> u32 {
 
 // AdamW in one pass over a tensor, in place.
 
-/// What a step of AdamW does to every element, given its gradient g:
+/// The update of every element by AdamW, given its gradient g:
 ///
 /// m ← β₁ m + (1 − β₁) c g, v ← β₂ v + (1 − β₂) (c g)²,
 /// p ← p · keep − rate · m / (√v · scale + ε).

@@ -1,7 +1,7 @@
 //! The feed-forward half of a block, a few rows at a time: x + activation(RMSNorm(x) W_up) W_down.
 //!
-//! Rows do not see each other here, so a chunk of them goes through the whole half while what it
-//! makes is still in the cache, and only the products by W_up are kept for the way back.
+//! Rows are independent here, so a chunk of them goes through the whole half while its intermediate results are in the
+//! cache, and only the products by W_up are kept for the backward pass.
 
 use burn_flex::FlexTensor;
 
@@ -24,7 +24,7 @@ pub struct FeedForward {
     pub epsilon: f32,
 }
 
-/// What the way back needs beside the input.
+/// The data of the backward pass, besides the input.
 #[derive(Clone, Debug)]
 pub struct Intermediates {
     /// 1 / rms of each row.

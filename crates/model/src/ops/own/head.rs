@@ -92,13 +92,13 @@ struct Room {
     sums: Vec<LogSum>,
 }
 
-/// What gradients are made with.
+/// The inputs of the gradients.
 struct Learning {
     /// W, for the way back.
     back: Panels,
     /// Room for the right operand of a product.
     panels: Panels,
-    /// Those by x, γ and W so far.
+    /// Gradients by x, γ and W so far.
     by: [Buffer; 3],
 }
 
@@ -193,7 +193,7 @@ fn stride(block: &Range<usize>) -> usize {
 
 // Cross-entropy from blocks of logits, without a tensor of log-probabilities.
 
-/// The softmax of a row as far as it has been seen.
+/// The running softmax of a row.
 #[derive(Clone, Copy, Debug)]
 struct LogSum {
     /// The largest logit so far.

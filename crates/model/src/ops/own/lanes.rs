@@ -75,10 +75,10 @@ pub trait Lanes: Copy {
     /// The lanes of each pair changed over: 1, 0, 3, 2, …
     fn swap_pairs(self) -> Self;
 
-    /// `self a + b`, rounded once where the machine has the instruction.
+    /// `self a + b`, rounded once if the machine has the instruction.
     fn mul_add(self, a: Self, b: Self) -> Self;
 
-    /// 2ⁿ where the low bits of `self` hold the integer n, -126 <= n <= 127.
+    /// 2ⁿ, with the integer n in the low bits of `self`, -126 <= n <= 127.
     fn power_of_two(self) -> Self;
 
     /// The lanes added as a tree: halves, quarters, eighths, pairs.
@@ -87,7 +87,7 @@ pub trait Lanes: Copy {
     /// The largest lane; NaN may be passed over.
     fn largest(self) -> f32;
 
-    /// The first `n` lanes, and those of `rest` after them.
+    /// The first `n` lanes, then those of `rest`.
     fn first(self, n: usize, rest: Self) -> Self;
 
     /// Rows for columns of a square block.
@@ -137,8 +137,8 @@ pub trait Lanes: Copy {
 
 /// Compiles a kernel for each kind of vector and picks one at run time.
 ///
-/// The body is generic over a type `L` of [`Lanes`]. What it calls must be `#[inline(always)]`,
-/// or it is compiled for the build's own target, and slowly.
+/// The body is generic over a type `L` of [`Lanes`]. Functions that it calls must be `#[inline(always)]`; otherwise they
+/// are compiled for the build's own target and are slow.
 macro_rules! vectorised {
     (
         $(#[$meta:meta])*

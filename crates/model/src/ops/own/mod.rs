@@ -1,20 +1,19 @@
-//! The own operations on the CPU device `flex`, and what autodiff needs to know of them.
+//! Our operations on the CPU device `flex`, and their autodiff.
 //!
-//! | file | what it holds |
+//! | file | content |
 //! | --- | --- |
-//! | [`lanes`], [`x86`] | sixteen numbers at a time, on the vectors that the machine has |
-//! | [`buffers`] | memory that goes from step to step; flex's tensors |
+//! | [`lanes`], [`x86`] | sixteen numbers at a time, on the machine's vectors |
+//! | [`buffers`] | memory reused from step to step; flex's tensors |
 //! | [`matmul`], [`panels`] | products of large matrices |
 //! | [`small_matrices`] | products of small ones |
 //! | [`rows`] | eˣ, sums, RMSNorm, and picking rows |
 //! | [`attention`], [`feed_forward`], [`head`] | the parts of the model |
 //! | [`convolution`] | the layers of tokenizers |
-//! | [`detached`] | what has no gradient: losses of rows, the codes of latents, the optimiser |
+//! | [`detached`] | operations without gradients: losses of rows, the codes of latents, the optimiser |
 //!
-//! An [`Operation`] says what is kept on the way forward, and how the way back goes. Every kernel runs
-//! on the calling thread and reduces in a fixed order: the same input gives the same bits. The way back
-//! writes over what the way forward kept and over the gradient that it is given, wherever nobody else
-//! holds it, so it allocates next to nothing.
+//! An [`Operation`] defines the data kept by the forward pass, and the backward pass. Every kernel runs on the calling
+//! thread and reduces in a fixed order: the same input gives the same bits. The backward pass overwrites kept data and
+//! its input gradient if they are not shared, so it allocates almost nothing.
 
 mod attention;
 mod buffers;
@@ -49,15 +48,15 @@ pub use head::HeadLoss;
 pub use lanes::vectors;
 pub use rows::{RmsNorm, SelectRows};
 
-/// What an operation on `N` contiguous tensors is told beside them, and what it does.
+/// An operation on `N` contiguous tensors, with its options.
 pub trait Operation<const N: usize>: Clone + Debug + Send + 'static {
-    /// What the way back needs beside the options.
+    /// The data of the backward pass, besides the options.
     type Kept: Clone + Debug + Send + 'static;
 
-    /// The output, and what to keep if `keep` asks for it.
+    /// The output, and the kept data if `keep` is set.
     fn forward(&self, inputs: &[FlexTensor; N], keep: bool) -> (FlexTensor, Option<Self::Kept>);
 
-    /// The gradients by the inputs, from what comes from above.
+    /// The gradients by the inputs, given the gradient by the output.
     fn backward(&self, kept: Self::Kept, above: Above<N>) -> Gradients<N>;
 }
 
@@ -98,7 +97,7 @@ macro_rules! operations {
         }
 
         $(
-            /// An operation on so many tensors, with gradients where they have them.
+            /// Applies an operation to tensors, with gradients if they track them.
             pub fn $name<O: Operation<$n>, $(const $rank: usize,)* const OUTPUT: usize>(
                 operation: O,
                 $($input: Tensor<$rank>),*
@@ -127,7 +126,7 @@ fn forward<O: Operation<N>, const N: usize>(
     done
 }
 
-/// Keeps what the way back needs, if there is to be one.
+/// Keeps the data of the backward pass, if there is one.
 fn tracked<S: CheckpointStrategy, O: Operation<N>, const N: usize>(
     operation: O,
     inputs: [FloatTensor<Autodiff<Flex, S>>; N],

@@ -1,4 +1,4 @@
-//! How the operands of a product lie in memory.
+//! Memory layout of the operands of a product.
 
 use std::ops::Range;
 
@@ -137,12 +137,12 @@ impl Panels {
 #[derive(Clone, Copy)]
 pub struct Part<'a> {
     pub rows: &'a [[f32; PANEL]],
-    /// Those that belong to the matrix.
+    /// Columns of the matrix.
     pub columns: usize,
 }
 
 impl Part<'_> {
-    /// Whether one vector holds what is not filled up.
+    /// Whether one vector is enough for the columns without padding.
     #[inline(always)]
     pub fn is_narrow(self) -> bool {
         self.columns <= LANES

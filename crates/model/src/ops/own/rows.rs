@@ -10,7 +10,7 @@ use super::buffers::{Buffer, dims, elements, elements_mut, recycle};
 use super::lanes::{LANES, Lanes, vectorised};
 use super::{Above, Gradients, Operation};
 
-/// eˣ within 2 units in the last place, without branches; arguments are held to [-87.3, 88].
+/// eˣ within 2 units in the last place, without branches; arguments are clamped to [-87.3, 88].
 ///
 /// x = n ln 2 + f with |f| <= ln 2 / 2, then eˣ = 2ⁿ eᶠ with a polynomial of degree 6 for eᶠ.
 /// Below the range the result is 1e-38 and not zero. NaN stays NaN.
@@ -49,7 +49,7 @@ pub fn dot<L: Lanes>(a: &[f32], b: &[f32]) -> f32 {
     sum.sum()
 }
 
-/// The largest element; NaN may be passed over, and `f32::MIN` stands for an empty slice.
+/// The largest element; NaN may be ignored, and an empty slice gives `f32::MIN`.
 #[inline(always)]
 pub fn max<L: Lanes>(x: &[f32]) -> f32 {
     let least = L::splat(f32::MIN);
@@ -94,7 +94,7 @@ vectorised! {
 }
 
 vectorised! {
-    /// What [`rms_norm`] wrote, once more, from the noted 1 / rms.
+    /// Recomputes the output of [`rms_norm`] from the kept 1 / rms.
     pub fn rms_norm_again(x: &[f32], gamma: &[f32], inverses: &[f32], output: &mut [f32]) {
         let d = gamma.len();
         let rows = x.chunks_exact(d).zip(output.chunks_exact_mut(d));

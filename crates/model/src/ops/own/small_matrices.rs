@@ -1,9 +1,8 @@
 //! [`Scratch`]: matrices of a few dozen rows, and their products, for one head of one sequence at a time.
 //!
-//! A general product packs its operands first, which at these sizes costs as much as the product
-//! itself, and cannot leave out what the mask rules out. This one computes tiles of [`ROWS`] rows
-//! and one or two vectors of columns in registers, straight from scratch matrices whose rows are
-//! padded to whole vectors.
+//! A general product packs its operands first, which at these sizes costs as much as the product itself, and cannot skip
+//! masked parts. This one computes tiles of [`ROWS`] rows and one or two vectors of columns in registers, directly from
+//! scratch matrices with rows padded to whole vectors.
 
 use std::ops::Range;
 
@@ -12,7 +11,7 @@ use super::lanes::{LANES, Lanes, Tile};
 /// Rows of a tile; scratch matrices hold a multiple of these.
 pub const ROWS: usize = 8;
 
-/// A row-major matrix padded to whole tiles; what lies in the padding is unspecified.
+/// A row-major matrix padded to whole tiles; the padding is unspecified.
 #[derive(Default)]
 pub struct Scratch {
     values: Vec<f32>,
@@ -142,8 +141,8 @@ impl<'a, const TRANSPOSED: bool> Left<'a, TRANSPOSED> {
 /// Rows of a tile where registers are few.
 const HALF: usize = ROWS / 2;
 
-/// What a block of [`ROWS`] rows of a product takes: part of the inner dimension, and how many
-/// columns of the result are wanted.
+/// The extent of a block of [`ROWS`] rows of a product: part of the inner dimension, and the number of result
+/// columns.
 pub struct Span {
     pub inner: Range<usize>,
     pub columns: usize,

@@ -1,14 +1,14 @@
 //! The vectors of x86-64.
 //!
-//! Values of these types are made only in kernels that [`vectorised!`](super::lanes::vectorised)
-//! has picked after asking the processor: that is what every `unsafe` here rests on.
+//! Values of these types exist only in kernels that [`vectorised!`](super::lanes::vectorised) picked after checking the
+//! CPU: every `unsafe` here relies on this.
 
 use std::arch::x86_64::*;
 use std::sync::OnceLock;
 
 use super::lanes::{LANES, Lanes, Tile, VECTORS};
 
-/// Which compiled version of a kernel the processor can run.
+/// The compiled version of a kernel for this CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Isa {
     Baseline,

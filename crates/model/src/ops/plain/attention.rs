@@ -84,10 +84,10 @@ fn turn(x_bhtc: Tensor<4>, [cos, sin]: &[Tensor<5>; 2]) -> Tensor<4> {
     Tensor::cat(vec![turned_even, turned_odd], 4).reshape([b, h, t, c])
 }
 
-/// True where a position of the padded batch does not see another: `[b, 1, t, t]`.
+/// Mask of the padded batch, true for hidden pairs: `[b, 1, t, t]`.
 fn hidden(layout: &SequenceLayout, device: &Device) -> Tensor<4, Bool> {
     let (b, t) = (layout.n_sequences(), layout.max_len());
-    // A position of the padding, which nobody sees, sees the first: no row may be all hidden.
+    // A padding position, visible to none, sees the first: no row may be fully hidden.
     let visible = |i: usize, q: usize| if q < layout.len(i) { layout.visible(i, q) } else { 1 };
     let visible = (0..b).flat_map(|i| (0..t).map(move |q| visible(i, q) as u32));
     let visible_b1t1 = integers(visible, device).reshape([b, 1, t, 1]);
@@ -117,8 +117,8 @@ fn longest(sequences: &[Range<usize>]) -> usize {
 
 // Attention to a memory.
 
-/// See [`Kernels::cross_attend`](crate::ops::Kernels::cross_attend): pads queries and memories to one
-/// length where they differ.
+/// See [`Kernels::cross_attend`](crate::ops::Kernels::cross_attend): pads queries and memories to one length if they
+/// differ.
 pub fn cross_attend(
     queries_nd: Tensor<2>,
     key_values_m2d: Tensor<2>,
@@ -154,7 +154,7 @@ fn is_even(sequences: &[Range<usize>]) -> bool {
     sequences.iter().all(|rows| rows.len() == sequences[0].len())
 }
 
-/// Rows of sequences of one length, those that are too short filled up with their first row.
+/// Pads the rows of sequences to one length with their first row.
 fn pad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
     if is_even(sequences) {
         return x_nd;
@@ -163,7 +163,7 @@ fn pad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
     x_nd.select(0, rows)
 }
 
-/// Takes out again what [`pad`] has put in.
+/// Removes the padding of [`pad`].
 fn unpad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
     if is_even(sequences) {
         return x_nd;
@@ -172,7 +172,7 @@ fn unpad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
     x_nd.select(0, positions)
 }
 
-/// True where a row of a memory is padding, `[b, 1, 1, t]`; `None` where none is.
+/// True for padding rows of a memory, `[b, 1, 1, t]`; `None` without padding.
 fn padding(sequences: &[Range<usize>], device: &Device) -> Option<Tensor<4, Bool>> {
     let t = longest(sequences);
     let hidden = |rows: &Range<usize>| (0..t).map(|i| i >= rows.len()).collect::<Vec<_>>();
@@ -181,16 +181,16 @@ fn padding(sequences: &[Range<usize>], device: &Device) -> Option<Tensor<4, Bool
     (!is_even(sequences)).then(|| Tensor::from_data(data, device))
 }
 
-// Positions that join sequences piece by piece: the keys and values of those before them are kept.
+// Growing sequences: keys and values of earlier positions are cached.
 //
-// Shapes: m positions that join each sequence, t positions of each with those that join, n = b m rows.
+// Shapes: m new positions per sequence, t positions of each including new ones, n = b m rows.
 
 /// The keys, turned by their positions, and the values of one block, each `[b, h, t, c]`.
 #[derive(Clone, Debug, Default)]
 pub struct KeyValues(Option<[Tensor<4>; 2]>);
 
 impl KeyValues {
-    /// Adds those of the positions that join, and gives all.
+    /// Adds those of new positions, and returns all.
     fn join(&mut self, new: [Tensor<4>; 2]) -> [Tensor<4>; 2] {
         let all = match self.0.take() {
             None => new,
@@ -203,14 +203,14 @@ impl KeyValues {
     }
 }
 
-/// Positions that join every sequence of a batch at once. Each sees all positions before it, its own,
-/// and those that join beside it, but for those that are hidden from it.
+/// New positions of every sequence of a batch. Each attends to all earlier and all new positions, except hidden
+/// ones.
 #[derive(Clone, Debug)]
 pub struct Joining {
     n_head: usize,
     /// Cosines and sines of their angles, `[b, 1, m, c / 2, 1]`.
     turns: [Tensor<5>; 2],
-    /// True where a position is hidden, `[b, 1, 1, t]`, or `[b, 1, m, t]` where it is from some.
+    /// True for hidden positions, `[b, 1, 1, t]`, or `[b, 1, m, t]` if hidden only from some.
     hidden: Tensor<4, Bool>,
 }
 
@@ -235,7 +235,7 @@ impl Joining {
         Self { n_head, turns: rope.turns(b, positions, device), hidden }
     }
 
-    /// Hides the first `n` positions of every sequence from some of those that join, `[b, m]` row-major.
+    /// Hides the first `n` positions of every sequence from some new ones, `[b, m]` row-major.
     pub fn hiding(self, n: usize, from: &[bool]) -> Self {
         let [b, .., t] = self.hidden.dims();
         let m = from.len() / b;

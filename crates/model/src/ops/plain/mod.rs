@@ -1,5 +1,5 @@
-//! The same operations composed of burn's own: slower on the CPU, on every device, and the
-//! reference that the kernels of [`own`](super::own) are held to.
+//! The same operations composed of burn's: for every device, slower on the CPU, and the reference for the kernels of
+//! [`own`](super::own).
 //!
 //! Shapes: n rows, d features, f hidden features, v vocabulary, b sequences, h heads, t positions
 //! of the longest sequence, c features of a head.
@@ -118,7 +118,7 @@ fn integers(values: impl Iterator<Item = u32>, device: &Device) -> Tensor<1, Int
     Tensor::from_data(TensorData::new(values, [n]), device)
 }
 
-// Convolutions over frames: what their taps read is laid side by side, and multiplied once.
+// Convolutions over frames: the inputs of the taps are concatenated, and multiplied once.
 
 /// See [`Kernels::convolve`](super::Kernels::convolve).
 pub fn convolve(
@@ -171,7 +171,7 @@ fn pad_frames(x_btc: Tensor<3>, n: usize) -> Tensor<3> {
 
 // The nearest code of each latent, from a matrix of distances.
 
-/// Entries of the distance matrix that are held at a time.
+/// Entries of the distance matrix in memory at a time.
 const DISTANCES_AT_ONCE: usize = 1 << 22;
 
 /// See [`nearest`](super::nearest()).

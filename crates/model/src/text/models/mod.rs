@@ -1,8 +1,8 @@
 //! Text encoders from local weights: T5, CLIP's text tower, the BERT family, LLaMA, computed by candle.
 //!
-//! A model's folder holds `config.json`, `tokenizer.json` and `model.safetensors` as they come from the
-//! hub. States are those of the last layer, after its norm, in single precision. Captions of one number
-//! of tokens go through the model together, so that none is padded.
+//! A model's folder has `config.json`, `tokenizer.json` and `model.safetensors` as downloaded from the hub. States are
+//! from the last layer, after its norm, in single precision. Captions with the same number of tokens form a batch, so none
+//! is padded.
 
 mod networks;
 

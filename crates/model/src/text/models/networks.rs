@@ -1,4 +1,4 @@
-//! What computes states from a model's folder: BERT, T5, LLaMA, CLIP.
+//! Computes states with a model's folder: BERT, T5, LLaMA, CLIP.
 
 use std::collections::HashMap;
 use std::fs;
@@ -60,7 +60,7 @@ impl ModelFolder {
         hasher.finalize().to_hex().to_string()
     }
 
-    /// What `config.json` says.
+    /// The settings in `config.json`.
     fn config<T: DeserializeOwned>(&self) -> Result<T, TextError> {
         serde_json::from_slice(&self.config)
             .map_err(|error| self.failed(format!("{CONFIG}: {error}")))
@@ -109,12 +109,12 @@ impl ModelFolder {
     }
 }
 
-/// What an error says, without the stack that candle adds where `RUST_BACKTRACE` is set.
+/// The message of an error, without the stack that candle adds if `RUST_BACKTRACE` is set.
 pub fn first_line(error: &candle_core::Error) -> String {
     error.to_string().lines().next().unwrap_or_default().to_string()
 }
 
-/// What a model makes of captions.
+/// The states of captions by a model.
 pub trait Network: Send + Sync {
     /// States of the tokens of captions of one length, `[n, tokens]` to `[n, tokens, dim]`.
     fn states(&self, ids: &Tensor) -> candle_core::Result<Tensor>;
@@ -128,7 +128,7 @@ pub trait Network: Send + Sync {
 /// A network, and the width of its vectors.
 type Loaded = Result<(Box<dyn Network>, usize), TextError>;
 
-// The BERT family: MiniLM, BERT, and what else has its layers.
+// The BERT family: MiniLM, BERT, and others with its layers.
 
 pub fn load_bert(folder: &ModelFolder) -> Loaded {
     let config: bert::Config = folder.config()?;
@@ -151,7 +151,7 @@ pub fn load_t5(folder: &ModelFolder) -> Loaded {
     Ok((Box::new(Mutex::new(model)), config.d_model))
 }
 
-/// Its forward pass wants it for itself, though an encoder keeps nothing.
+/// Its forward pass needs mutable access, although an encoder keeps no state.
 impl Network for Mutex<T5EncoderModel> {
     fn states(&self, ids: &Tensor) -> candle_core::Result<Tensor> {
         self.lock().unwrap_or_else(PoisonError::into_inner).forward(ids)
@@ -182,7 +182,7 @@ pub fn load_llama(folder: &ModelFolder) -> Loaded {
     Ok((Box::new(States { model, config }), width))
 }
 
-/// Weights by the names of a whole model, those of a body without its head too.
+/// Weights by the names of a whole model, also for a body without its head.
 fn prefixed(weights: HashMap<String, Tensor>) -> HashMap<String, Tensor> {
     if weights.keys().any(|name| name.starts_with(BODY)) {
         return weights;
@@ -216,7 +216,7 @@ impl Network for States {
 
 // CLIP's text tower: states of the words, or the vector of the sentence.
 
-/// What is read of `config.json`: of a text tower alone, or of the tower in a whole model.
+/// The part of `config.json` that is read: of a text tower alone, or of the tower in a whole model.
 #[derive(Deserialize)]
 struct ClipConfig {
     text_config: Option<TextConfig>,

@@ -1,4 +1,4 @@
-//! Where the codes of a learned codebook lie: placed by k-means (Lloyd 1982) or the first batch, and moved by
+//! Initialises the codes of a learned codebook by k-means (Lloyd 1982) or from the first batch, and updates them by
 //! [`Averages`], on the host.
 //!
 //! Shapes: n latents, c channels, v codes or centres.
@@ -19,7 +19,7 @@ use crate::tokenizer::halves::host;
 const DECAY: f32 = 0.99;
 /// A code met less often than this, on average and per step, is replaced by T2M-GPT's rule.
 const LEAST_COUNT: f32 = 1.0;
-/// What a code of k-means counts as having been met.
+/// The initial count of a k-means code.
 pub const FIRST_COUNT: f32 = 10.0;
 
 /// The moving averages that a codebook follows from.
@@ -31,9 +31,9 @@ pub struct Averages {
     pub counts: Vec<f32>,
     pub n_vocab: usize,
     pub code_dim: usize,
-    /// A code met by less than this share of the mean is placed anew; 0: T2M-GPT's rule.
+    /// A code used less than this fraction of the mean is reset; 0 for T2M-GPT's rule.
     pub reset_share: f32,
-    /// For the noise on latents that stand for several codes, and for codes that are placed anew.
+    /// Random numbers for the noise on latents shared by several codes, and for resets.
     pub rng: ChaCha8Rng,
 }
 
@@ -42,7 +42,7 @@ const COUNTS: &str = "counts";
 const DRAWN: &str = "drawn";
 
 impl Averages {
-    /// Those of codes that nothing has placed yet.
+    /// Codes that are not initialised yet.
     pub fn new(n_vocab: usize, code_dim: usize, reset_share: f32, rng: ChaCha8Rng) -> Self {
         let (sums, counts) = (Vec::new(), vec![1.0; n_vocab]);
         Self { sums, counts, n_vocab, code_dim, reset_share, rng }
@@ -98,8 +98,8 @@ impl Averages {
         }
     }
 
-    /// One latent for each code, `[v, c]`: the batch's first ones, or, where it has too few, all of
-    /// them over and over with noise of deviation 0.01/√c.
+    /// One latent for each code, `[v, c]`: the batch's first ones, or, if it has too few, all of them repeatedly with noise
+    /// of standard deviation 0.01/√c.
     fn candidates(&mut self, latents: &[f32]) -> Vec<f32> {
         let wanted = self.n_vocab * self.code_dim;
         let taken = latents.iter().copied().cycle().take(wanted);
@@ -111,7 +111,7 @@ impl Averages {
         taken.zip(host(noise)).map(|(latent, noise)| latent + noise).collect()
     }
 
-    /// Those of codes that k-means has placed.
+    /// Codes initialised by k-means.
     pub fn begin(&mut self, codes: &[f32]) {
         self.sums = codes.iter().map(|x| x * FIRST_COUNT).collect();
         self.counts.fill(FIRST_COUNT);
@@ -131,7 +131,7 @@ impl Averages {
         }
     }
 
-    /// Takes up what [`Averages::keep`] gave; `None` where it is not that.
+    /// Restores the state of [`Averages::keep`]; `None` if it does not fit.
     pub fn resume(&mut self, mut saved: LoadedState) -> Option<()> {
         let drawn: u128 = saved.note[DRAWN].as_str()?.parse().ok()?;
         self.sums = saved.tensors.remove(SUMS)?.values;

@@ -1,8 +1,8 @@
-//! Finite scalar quantization: of a latent at once, or of the digits of a latent, layer after layer.
+//! Finite scalar quantization: of a whole latent, or of its digits, layer by layer.
 //!
 //! # At once
 //!
-//! As ScaMo's code has it (Mentzer et al. 2023).
+//! As in ScaMo's code (Mentzer et al. 2023).
 //!
 //! A latent is projected to one number z per dimension, bounded and rounded:
 //!
@@ -15,15 +15,14 @@
 //!
 //! # Digits
 //!
-//! A latent is projected to one number z per dimension and bounded once, softly: x = tanh z. Layer i
-//! (from 0) rounds what the layers before it leave over, r, to the middle of one of L equal parts of
-//! the interval that it can lie in, [−L⁻ⁱ, L⁻ⁱ]:
+//! A latent is projected to one number z per dimension and bounded softly: x = tanh z. Layer i (from 0) rounds the
+//! residual r of earlier layers to the middle of one of L equal parts of its interval, [−L⁻ⁱ, L⁻ⁱ]:
 //!
 //! digit = ⌊(r·Lⁱ + 1)/2 · L⌋ within 0..L, code = ((2·digit + 1)/L − 1) · L⁻ⁱ.
 //!
 //! So the digits of all layers are x written in base L. The scale L⁻ⁱ, the symmetric levels and the
-//! soft bound in front of all layers are those of lucidrains' ResidualFSQ; its levels reach both ends
-//! of the interval, where these lie in the middle of their parts, so that no layer has codes to spare.
+//! soft bound in front of all layers follow lucidrains' ResidualFSQ; its levels reach both ends of the interval, while
+//! these lie in the middle of their parts, so no layer has redundant codes.
 //!
 //! Shapes: b clips, t latents, n = b·t, c channels, d dimensions.
 
@@ -40,7 +39,7 @@ use crate::learn::{LearnerState, LoadedState};
 use crate::spec::{ResidualSpec, digits_of_index, index_of_digits, n_codes};
 use crate::tokenizer::halves::host;
 
-/// How far past the outermost level the bound reaches.
+/// Margin of the bound beyond the outermost level.
 const EPSILON: f64 = 1e-3;
 
 /// Deviations of a channel at which its outermost codes begin.
@@ -113,8 +112,8 @@ impl Fsq {
 }
 
 impl Quantizer for Fsq {
-    /// Each dimension begins as a channel of its own, the first channels first, with the outermost codes
-    /// at 1.3 deviations.
+    /// Each dimension starts as its own channel, the first channels first, with the outermost codes at 1.3 standard
+    /// deviations.
     fn begin(&mut self, latents_nc: &Tensor<2>) {
         let projections = [&mut self.project_in, &mut self.project_out];
         begin_projections(projections, latents_nc, |deviation| {
@@ -201,7 +200,7 @@ impl ResidualFsq {
         Tensor::from_data(TensorData::new(values, [1, self.levels.len()]), device)
     }
 
-    /// The digits of layer `i` of what is left over.
+    /// The digits of layer `i` of the residual.
     fn digits(&self, rest_nd: Tensor<2>, i: usize) -> Tensor<2> {
         let bases_1d = self.bases(&rest_nd.device());
         let stretched_nd = rest_nd * bases_1d.clone().powi_scalar(i as i32);
@@ -209,7 +208,7 @@ impl ResidualFsq {
         digits_nd.clamp_min(0.0).min_pair(bases_1d - 1.0)
     }
 
-    /// What the digits of layer `i` stand for.
+    /// The values of the digits of layer `i`.
     fn codes(&self, digits_nd: Tensor<2>, i: usize) -> Tensor<2> {
         let bases_1d = self.bases(&digits_nd.device());
         ((digits_nd * 2.0 + 1.0) / bases_1d.clone() - 1.0) / bases_1d.powi_scalar(i as i32)
@@ -229,7 +228,7 @@ impl ResidualFsq {
 }
 
 impl Quantizer for ResidualFsq {
-    /// Each dimension begins as a channel of its own, the first channels first.
+    /// Each dimension starts as its own channel, the first channels first.
     fn begin(&mut self, latents_nc: &Tensor<2>) {
         let projections = [&mut self.project_in, &mut self.project_out];
         begin_projections(projections, latents_nc, |deviation| {

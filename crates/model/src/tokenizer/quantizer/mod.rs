@@ -1,4 +1,4 @@
-//! What lies between the halves of a tokenizer: latents to codes and back. A file a kind, alone and
+//! Quantizers: latents to codes and back, between the halves of a tokenizer. One file per kind, plain and
 //! residual.
 //!
 //! Shapes: b clips, t latents of a clip, s codes of a clip on a scale, c channels.
@@ -43,12 +43,11 @@ pub trait Quantizer {
         vec![n_latents]
     }
 
-    /// What the first scale adds, the first two together, and so on, `[b, t, c]` each, for as many
-    /// scales as there are codes of: the codes of each clip may end after any scale. Every id is below
-    /// its scale's `n_vocab`.
+    /// The cumulative sums over scales, `[b, t, c]` each, one per scale with codes: a prefix of the scales is allowed. Every
+    /// id is below its scale's `n_vocab`.
     fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>>;
 
-    /// What the decoder sees for the codes of clips, `[b, t, c]`: the last of [`Quantizer::sums`].
+    /// The decoder's input for the codes of clips, `[b, t, c]`: the last of [`Quantizer::sums`].
     fn embed(&self, ids: &[u32], extent: Extent) -> Tensor<3> {
         self.sums(ids, extent).pop().expect("codes of one scale at least")
     }
@@ -56,9 +55,9 @@ pub trait Quantizer {
     /// The embedding of every code of each scale by itself, `[v, c]` each.
     fn codebooks(&self) -> Vec<Tensor<2>>;
 
-    /// What a generator that makes codes scale after scale is shown before each scale but the first:
-    /// the sum of the scales before it, at its own length, `[b, s, c]` (VAR, LG-Tok). Codes of the first
-    /// n scales give the inputs of the scales 2 to n + 1, as far as there are such.
+    /// The inputs of a scale-by-scale generator for each scale but the first: the sum of the earlier scales, at the scale's
+    /// length, `[b, s, c]` (VAR, LG-Tok). Codes of the first n scales give the inputs of the existing scales among 2 to
+    /// n + 1.
     fn inputs(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
         let lengths = self.lengths(extent.n_latents);
         let sums = self.sums(ids, extent).into_iter();
@@ -70,12 +69,12 @@ pub trait Quantizer {
         Vec::new()
     }
 
-    /// What training needs to go on from beside the weights.
+    /// The state of training, besides weights.
     fn keep(&self) -> LearnerState {
         LearnerState::default()
     }
 
-    /// Takes up what [`Quantizer::keep`] gave; `None` where it is not that.
+    /// Takes up what [`Quantizer::keep`] gave; `None` if it is not that.
     fn resume(&mut self, _: LoadedState) -> Option<()> {
         Some(())
     }
@@ -196,7 +195,7 @@ fn keep_parts<'a>(
     all
 }
 
-/// Gives each part its own of what [`keep_parts`] gave, and returns the note; `None` where it is not that.
+/// Gives each part its own of what [`keep_parts`] gave, and returns the note; `None` if it is not that.
 fn resume_parts<'a>(
     parts: impl Iterator<Item = &'a mut (dyn Quantizer + 'static)>,
     mut saved: LoadedState,
@@ -218,7 +217,7 @@ fn resume_parts<'a>(
 /// Draws how many layers a training step uses, so that the first of them carry what they can alone.
 #[derive(Clone, Debug)]
 struct Dropout {
-    /// How often layers are dropped.
+    /// Probability of dropping layers.
     share: f64,
     rng: ChaCha8Rng,
 }
@@ -234,12 +233,12 @@ impl Dropout {
         if unit(&mut self.rng) < self.share { 1 + below(&mut self.rng, n) } else { n }
     }
 
-    /// How far its generator has come: as text, since that has 68 bits.
+    /// Position of its random generator, as text, since it has 68 bits.
     fn keep(&self) -> Value {
         json!(self.rng.get_word_pos().to_string())
     }
 
-    /// Takes up what [`Dropout::keep`] gave; `None` where it is not that.
+    /// Takes up what [`Dropout::keep`] gave; `None` if it is not that.
     fn resume(&mut self, saved: &Value) -> Option<()> {
         self.rng.set_word_pos(saved.as_str()?.parse().ok()?);
         Some(())

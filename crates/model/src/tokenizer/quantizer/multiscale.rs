@@ -1,18 +1,18 @@
-//! The multi-scale quantizer of LG-Tok, after VAR (Tian et al. 2024): residual quantization in which
-//! layer n sees the clip at s_n latents, whatever its length.
+//! The multi-scale quantizer of LG-Tok, after VAR (Tian et al. 2024): residual quantization in which layer n has the clip
+//! at s_n latents, whatever its length.
 //!
-//! Of the latents z (t of them) and the scales s_1 < … < s_K, each with its own codebook:
+//! For the latents z (t of them) and the scales s_1 < … < s_K, each with its own codebook:
 //!
 //! ids_n = nearest(area_down(r_n, s_n)), h_n = φ_n(linear_up(codes of ids_n, t)),
 //! r_{n+1} = r_n − h_n, r_1 = z, ẑ_n = Σ_{j≤n} h_j,
 //!
-//! and the decoder sees ẑ_K with the gradient passed straight through to z. The loss is
+//! and the decoder gets ẑ_K with the gradient passed straight through to z. The loss is
 //!
 //! commitment · mean_n [β · mean (sg(ẑ_n) − z)² + mean (ẑ_n − sg(z))²];
 //!
-//! its second term alone trains φ and, where the codebooks are FSQ, their projections. A codebook of VQ
-//! moves towards the latents that take its codes among the t of r_n, not among the s_n that were looked
-//! up (LG-Tok's code). Its codes begin as latents z themselves.
+//! only its second term trains φ and, for FSQ codebooks, their projections. A VQ codebook moves towards the latents that
+//! take its codes among the t of r_n, not among the s_n that were looked up (as in LG-Tok's code). Its codes start as
+//! latents z.
 //!
 //! Shapes: b clips, t latents, c channels, s codes of a clip on a scale.
 
@@ -216,10 +216,10 @@ impl Codebook {
 
 stands_for!(Codebook, Quantizer: Fsq, Vq);
 
-// What a scale makes of its codes.
+// The transformation φ of a scale's codes.
 
-/// φ(h) = relu(conv₃(relu(conv₃(h)))), as LG-Tok's code has it, so that what a scale adds is never below
-/// 0; or with VAR's residual mix m (Tian et al. 2024) φ(h) = (1 − m)·h + m·conv₃(h).
+/// φ(h) = relu(conv₃(relu(conv₃(h)))), as in LG-Tok's code, which is never negative; or with VAR's residual mix m (Tian
+/// et al. 2024) φ(h) = (1 − m)·h + m·conv₃(h).
 #[derive(Module, Debug)]
 struct Smoothing {
     convolutions: Vec<Conv1d>,

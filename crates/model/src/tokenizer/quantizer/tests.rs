@@ -1,5 +1,5 @@
-//! What quantizers of several scales have in common: training sees what decoding sees, sums and inputs
-//! of scales, gradients, and states that go on; orders and lengths.
+//! Shared tests of quantizers with several scales: training equals decoding, sums and inputs of scales, gradients,
+//! resumed states, orders and lengths.
 
 use burn::module::Module;
 use burn::tensor::Device;

@@ -1,33 +1,32 @@
-//! Vector quantization: with one codebook, or residual, with several after one another.
+//! Vector quantization: with one codebook, or residual, with several in sequence.
 //!
 //! # One codebook
 //!
-//! Moving averages and resets, as T2M-GPT trains it.
+//! Moving averages and resets, as in T2M-GPT.
 //!
 //! Each latent takes the nearest code. After each step, with μ = 0.99,
 //!
 //! sum ← μ sum + (1 − μ) Σ latents of the code, count ← μ count + (1 − μ) their number,
 //!
-//! and the code becomes sum / count. A code that is met too rarely is placed anew, at a latent of the
-//! batch: by T2M-GPT's rule one whose count is below 1, at once and for this step; by the rule of
-//! shares one whose count is below a share of the mean, as if it had been met as often as the mean. The
-//! codebook has no gradient; the latents are drawn to their codes by commitment · mean (latent − code)².
+//! and the code becomes sum / count. A code that is used too rarely is reset to a latent of the batch: by T2M-GPT's rule
+//! if its count is below 1, at once and for this step; by the rule of shares if its count is below a fraction of the
+//! mean, with the mean count. The codebook has no gradient; the latents are drawn to their codes by commitment · mean
+//! (latent − code)².
 //!
-//! The codebook begins as the first latents of the first batch, or by k-means.
+//! The codebook starts as the first latents of the first batch, or by k-means.
 //!
 //! # Residual
 //!
-//! As MoMask trains it (Guo et al. 2024, §3.1; Zeghidour et al. 2021).
+//! As in MoMask (Guo et al. 2024, §3.1; Zeghidour et al. 2021).
 //!
-//! Layer k takes the code q_k nearest to what the layers before it leave over, r_k = z − Σ_{j<k} q_j,
-//! and the decoder sees Σ q_k. Each layer is a codebook of moving averages and resets. The loss is the
-//! mean of the commitment over layers,
+//! Layer k takes the code q_k nearest to the residual of earlier layers, r_k = z − Σ_{j<k} q_j, and the decoder gets
+//! Σ q_k. Each layer is a codebook with moving averages and resets. The loss is the mean commitment over layers,
 //!
 //! commitment · mean_k mean (r_k − q_k)².
 //!
-//! The gradient of the sum passes once, straight through, to the latents; in MoMask's code it passes
-//! once a layer. MoMask also draws codes in training; here the nearest is taken. In a share of the steps
-//! only the first layers take part, and those after them learn nothing.
+//! The gradient of the sum passes straight through to the latents once; in MoMask's code once per layer. MoMask also
+//! samples codes in training; here the nearest is taken. In a fraction of the steps only the first layers are used, and
+//! later ones are not updated.
 //!
 //! Shapes: b clips, t latents, n = b·t, c channels, v codes.
 
@@ -214,7 +213,7 @@ impl ResidualVq {
         Self { layers, commitment: training.commitment, dropout }
     }
 
-    /// The layers that a step uses: all of them where one has not been placed yet.
+    /// The layers of a step: all of them if one is not initialised yet.
     fn used(&mut self) -> usize {
         let drawn = self.dropout.layers(self.layers.len());
         if self.layers.iter().all(Vq::is_placed) { drawn } else { self.layers.len() }
@@ -222,7 +221,7 @@ impl ResidualVq {
 }
 
 impl Quantizer for ResidualVq {
-    /// k-means of what the layers before leave over, layer after layer.
+    /// k-means of the residuals, layer by layer.
     fn begin(&mut self, latents_nc: &Tensor<2>) {
         let mut rest_nc = latents_nc.clone();
         for layer in &mut self.layers {

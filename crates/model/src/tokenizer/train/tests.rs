@@ -1,4 +1,4 @@
-//! Losses, bits, resumed trainings, and what a training is refused for.
+//! Losses, bits, resumed trainings, and refused trainings.
 
 use std::ops::ControlFlow;
 
@@ -14,13 +14,13 @@ use crate::tokenizer::testing::{
     D_TEXT, Waves, fixed_spec, patch_spec, small_spec, spec_of, text_of, transformer_spec,
 };
 
-/// Patches know where joints stand among the features, convolutions do not.
+/// Patches use the places of joints among the features, convolutions do not.
 fn source_of(spec: &TokenizerSpec) -> Waves {
     let n_features = if spec.architecture.has_relative_heights() { N_FEATURES } else { 9 };
     Waves::new(&[40, 24, 32, 16], n_features)
 }
 
-/// Every kind; scales add what a convolution with this mix gives, or two with ReLU.
+/// Every kind; scales use one convolution with this mix, or two with ReLU.
 fn quantizers(mix: f64) -> Vec<QuantizerSpec> {
     let single = [QuantizerSpec::Fsq { levels: vec![5, 3] }, QuantizerSpec::Vq { n_vocab: 64 }];
     let kinds = [QuantizerKind::Residual, QuantizerKind::Multiscale];
@@ -86,9 +86,9 @@ fn training_lowers_the_loss_with_every_quantizer() {
         [QuantizerSpec::Fsq { levels: vec![5, 5] }, QuantizerSpec::Vq { n_vocab: 16 }];
     let convolutional = convolutional.into_iter().chain(of(CONVOLUTIONAL_MIX, true));
     let convolutional = convolutional.map(|quantizer| (spec_of(quantizer, 80), 0.7));
-    // Patches begin near what they can reach.
+    // Patches start close to their optimum.
     let patches = of(PATCH_MIX, false).map(|quantizer| (patch_spec(quantizer, 80), 0.95));
-    // What a scale's FSQ gives begins far from the latents, and the decoder does not know it yet.
+    // The output of a scale's FSQ starts far from the latents, and the decoder is untrained.
     let scales = of(PATCH_MIX, true).map(|quantizer| (patch_spec(quantizer, 240), 0.85));
     let transformers = transformers(80).into_iter().map(|spec| (spec, 0.85));
     for (spec, share) in convolutional.chain(patches).chain(scales).chain(transformers) {
@@ -179,7 +179,7 @@ fn a_resumed_training_ends_on_the_same_bits() {
     }
 }
 
-/// Steps taken, what the validation split said, and the error of the weights that are kept there.
+/// Steps taken, validation results, and the validation error of the kept weights.
 fn watched(lr: f64, plateau: Plateau) -> (usize, Vec<Validated>, f64) {
     let mut spec = patch_spec(QuantizerSpec::Vq { n_vocab: 64 }, 60);
     spec.plateau = Some(plateau);
@@ -199,7 +199,7 @@ fn watched(lr: f64, plateau: Plateau) -> (usize, Vec<Validated>, f64) {
 
 #[test]
 fn the_weights_that_are_kept_are_the_best_on_the_validation_split() {
-    // So large a rate spoils what patches begin with.
+    // Such a large rate destroys the patches' initial weights.
     let (steps, log, kept) = watched(0.3, Plateau { evaluations: 12, patience: 60 });
     assert_eq!((steps, log.len(), log[0].step), (60, 12, 5));
     let least = log.iter().map(|line| line.val_mpjpe_mm).fold(f64::INFINITY, f64::min);

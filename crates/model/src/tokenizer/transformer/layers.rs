@@ -18,7 +18,7 @@ pub fn deviation(width: usize) -> f64 {
     0.02 * (256.0 / width as f64).sqrt()
 }
 
-/// Learned rows, as large as those of LG-Tok at the beginning: N(0, 1/d).
+/// Learned rows, initialised as in LG-Tok: N(0, 1/d).
 pub fn learned_rows(
     [n, width]: [usize; 2],
     rng: &mut ChaCha8Rng,
@@ -43,7 +43,7 @@ impl Linear {
         Self { weight: normal(channels, std, rng, device), bias }
     }
 
-    /// Where the weights are.
+    /// The device of the weights.
     pub fn device(&self) -> Device {
         self.weight.device()
     }
@@ -81,12 +81,12 @@ impl SelfAttention {
     }
 }
 
-/// Rows that frames attend to, those of each clip together.
+/// Rows that frames attend to, grouped by clip.
 #[derive(Clone, Debug)]
 pub struct Memory {
     /// `[m, d]`.
     pub rows_md: Tensor<2>,
-    /// Which frames attend to which rows.
+    /// The mask from frames to rows.
     pub options: CrossOptions,
 }
 
@@ -118,7 +118,7 @@ impl CrossAttention {
     }
 }
 
-/// What the rows of a half see beside themselves.
+/// The memory of a half's rows.
 pub struct Seen {
     pub options: AttentionOptions,
     pub latents: Option<Memory>,
@@ -241,8 +241,8 @@ impl Layer {
     }
 }
 
-/// The layers of a half between two norms. What the layers before the middle one give goes into those
-/// after it: [x | that] W + b, the last first.
+/// The layers of a half between two norms. The outputs of the first layers are skip connections to the last ones:
+/// [x | skip] W + b, in reverse order.
 #[derive(Module, Debug)]
 pub struct Layers {
     first_norm: Norm,

@@ -1,16 +1,14 @@
 //! The language-guided transformer of LG-Tok ("Language-Guided Transformer Tokenizer for Human Motion
 //! Generation" and its code).
 //!
-//! The encoder reads `[text | latents | motion]` and keeps the rows of the latents, which begin as
-//! learned vectors; its last layer is a convolution over neighbouring latents. The decoder begins with
-//! one learned vector a frame, which attends to the other frames, to the latents and to the text. The
-//! layers of each half are a U: what the first half of them gives is joined to the second half, the
-//! last first.
+//! The encoder reads `[text | latents | motion]` and keeps the rows of the latents, which start as learned vectors; its
+//! last layer is a convolution over neighbouring latents. The decoder starts with one learned vector per frame, which
+//! attends to the other frames, to the latents and to the text. The layers of each half form a U: outputs of the first
+//! layers are skip connections to the last ones, in reverse order.
 //!
-//! It differs from the published code in this: latents are as many as frames / 4 and not always 49;
-//! each half projects the text by a layer of its own; latents of the decoder have learned positions,
-//! since codes of one scale do not tell their place; text is packed and not padded, at the same
-//! rotary index.
+//! Differences from the published code: there are frames / 4 latents, not always 49; each half has its own projection of
+//! the text; latents of the decoder have learned positions, since codes of one scale do not determine their place; text
+//! is packed, not padded, at the same rotary index.
 //!
 //! Shapes: b clips, t latents and f frames of a clip, n rows of all clips, d width, c channels.
 
@@ -88,8 +86,8 @@ impl TransformerEncoder {
         self.output.forward(packing.latents(rows_nd).reshape([b, t, d]))
     }
 
-    /// How many words each clip has, and all of them as rows `[words, d]`; a clip that has lost its
-    /// caption has none.
+    /// The number of words of each clip, and all of them as rows `[words, d]`; a clip with a dropped caption has
+    /// none.
     fn words(&self, b: usize, pass: &Pass) -> (Vec<usize>, Option<Tensor<2>>) {
         let Some((text, captions)) = self.text.as_ref().zip(pass.captions) else {
             return (vec![0; b], None);
@@ -112,7 +110,7 @@ impl Encode for TransformerEncoder {
 pub struct TransformerDecoder {
     /// c to d, over three neighbouring latents.
     input: Conv1d,
-    /// What every frame begins as, and what stands for a caption that is left out: `[1, d]`.
+    /// The initial vector of every frame, and the vector of a dropped caption: `[1, d]`.
     mask: Param<Tensor<2>>,
     /// Added to each frame, `[most frames of a piece, d]`.
     frame_positions: Option<Param<Tensor<2>>>,
@@ -212,14 +210,14 @@ impl TransformerDecoder {
         placed_fd.unsqueeze::<3>().expand([b, f, d]).reshape([b * f, d])
     }
 
-    /// Angles of frames and latents, where they stand in time.
+    /// Angles of frames and latents by time.
     fn ropes(&self, t: usize, f: usize) -> Option<[Arc<Rope>; 2]> {
         let ropes = || [self.places.rope(0, f, 0), self.places.rope(t, 0, 0)].map(Arc::new);
         self.latent_positions.is_none().then(ropes)
     }
 
-    /// How many words each clip has, and all of them as rows `[words, d]`; the mask's vector alone
-    /// stands for a caption that is left out.
+    /// The number of words of each clip, and all of them as rows `[words, d]`; a dropped caption is replaced by the mask's
+    /// vector.
     fn words(&self, b: usize, pass: &Pass) -> (Vec<usize>, Option<Tensor<2>>) {
         let Some((text, captions)) = self.text.as_ref().zip(pass.captions) else {
             return (vec![0; b], None);

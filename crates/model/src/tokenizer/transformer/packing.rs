@@ -14,11 +14,10 @@ pub const EPSILON: f32 = 1e-5;
 /// The base of rotary angles, LG-Tok's.
 const ROPE_BASE: f64 = 100.0;
 
-/// Where rows stand on the rotary index.
+/// The rotary indices of rows.
 ///
-/// Text comes first, in as many places as the longest caption has words. After it latents and frames
-/// follow one another, each in as many places as there may be of them; or they stand in time
-/// together, a latent at the middle of its frames.
+/// Text comes first, with as many indices as words in the longest caption. Then latents and frames follow, each with as
+/// many indices as their largest number; or they share a time axis, a latent at the middle of its frames.
 #[derive(Clone, Debug)]
 pub struct Places {
     pub heads: usize,
@@ -33,7 +32,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// The places of one half, with room for captions where it sees them.
+    /// The indices of one half, with room for captions if it reads them.
     pub fn of(sizes: &TransformerSpec, sees_text: bool) -> Self {
         let longest = sizes.language.as_ref().map_or(0, |language| language.max_tokens);
         Self {
@@ -74,15 +73,15 @@ impl Places {
     }
 }
 
-/// Rows of clips with as many latents and frames each, and words of their own: a clip's latents, then
-/// its frames, then its words. Each row sees all rows of its clip.
+/// Rows of clips with equal numbers of latents and frames, and their own words: a clip's latents, then its frames, then
+/// its words. Each row attends to all rows of its clip.
 #[derive(Clone, Debug)]
 pub struct Packing {
     n_latents: usize,
     n_frames: usize,
-    /// What attention over the rows is told.
+    /// The arguments of attention over the rows.
     pub options: AttentionOptions,
-    /// For each row, where it stands among all latents, all frames, then all words.
+    /// For each row, its index in the concatenation of all latents, all frames and all words.
     order: Arc<[u32]>,
 }
 
@@ -108,8 +107,7 @@ impl Packing {
         Self { n_latents, n_frames, options, order }
     }
 
-    /// All latents `[b·t, d]`, all frames `[b·f, d]` and all words, those that there are, into rows
-    /// `[n, d]`.
+    /// Arranges all latents `[b·t, d]`, all frames `[b·f, d]` and all words, if any, into rows `[n, d]`.
     pub fn pack(&self, parts: Vec<Tensor<2>>) -> Tensor<2> {
         let all = Tensor::cat(parts, 0);
         Kernels::for_device(&all.device()).select_rows(all, &self.order)
@@ -133,8 +131,8 @@ impl Packing {
     }
 }
 
-/// What `of` makes of clips piece by piece, of `most` latents or fewer each; a latent stands for `stride`
-/// rows of a clip.
+/// Applies `of` to clips piece by piece, with at most `most` latents each; a latent covers `stride` rows of a
+/// clip.
 pub fn by_pieces(
     x_btc: Tensor<3>,
     most: usize,

@@ -1,4 +1,4 @@
-//! Tests on small data sets written for the purpose, and on real motion where it is at hand.
+//! Tests on small made-up data sets, and on real motion if available.
 
 mod bodies;
 mod mirrors;

@@ -1,8 +1,8 @@
 //! BVH files as poses of HumanML3D's skeleton: each file with its own axes, the upright pose of its skeleton read
 //! from all its files.
 //!
-//! Files are of one skeleton where they have the same joints and their OFFSETs lie alike: one that was turned,
-//! laid down or mirrored with its OFFSETs is of a skeleton of its own.
+//! Files share a skeleton if they have the same joints and similar OFFSETs: a file that was turned, laid down or
+//! mirrored with its OFFSETs is a separate skeleton.
 
 use rayon::prelude::*;
 
@@ -33,7 +33,7 @@ struct Group<'a> {
     files: usize,
 }
 
-/// Reads every file twice: first for what its skeleton is, then for its motion.
+/// Reads every file twice: first for its skeleton, then for its motion.
 pub fn read(files: &[SourceFile], options: &ImportOptions) -> Motions {
     let surveyed: Vec<Result<Surveyed, String>> =
         files.par_iter().map(|file| survey(file, options)).collect();
@@ -104,7 +104,7 @@ fn groups(surveyed: &[Result<Surveyed, String>]) -> (Vec<Group<'_>>, Vec<Result<
 
 /// Cosine within which a bone of the OFFSETs lies as another file's: 45°, since performers differ.
 const ALIKE: f64 = 0.7;
-/// Share of a leg below which a bone has no direction of its own.
+/// Fraction of a leg below which a bone has no direction.
 const SHORT: f64 = 0.02;
 
 impl Surveyed {
@@ -169,15 +169,15 @@ fn motion(file: &SourceFile, rig: &Rig, options: &ImportOptions) -> Result<Motio
 
 /// Shares of a frame a second that a rounded frame time may be off.
 const ROUNDED: f64 = 1e-3;
-/// Rates of captures and of film, in frames a second.
+/// Rates of captures and of film, in frames per second.
 const USUAL: [f64; 16] = [
     24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 72.0, 90.0, 100.0, 120.0, 144.0, 150.0, 200.0, 240.0,
     250.0, 300.0,
 ];
-/// Frames a second of a file of motion, at least and at most.
+/// Frames per second of a file of motion, at least and at most.
 const RATES: [f64; 2] = [1.0, 2000.0];
 
-/// `Frame Time: 0.0333333` means 30 frames a second, not 30.00003, and so does `0.033`: the one usual rate that is
+/// `Frame Time: 0.0333333` means 30 frames per second, not 30.00003, and so does `0.033`: the one usual rate that is
 /// written so.
 fn frames_a_second(frame_time_s: f64) -> Result<f64, String> {
     let fps = 1.0 / frame_time_s;
@@ -198,7 +198,7 @@ fn frames_a_second(frame_time_s: f64) -> Result<f64, String> {
     Ok(if let [one] = meant[..] { one } else { fps })
 }
 
-/// How far from the origin a body may be for numbers of four bytes, in metres.
+/// Largest distance of a body from the origin for 4-byte numbers, in metres.
 const FARTHEST_M: f64 = 1e4;
 
 fn skeleton(group: &Group, rig: &Rig) -> Skeleton {

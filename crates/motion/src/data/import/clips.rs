@@ -27,19 +27,18 @@ pub struct Clip {
     pub captioned_by: CaptionSource,
     pub group: String,
     pub split: Split,
-    /// Frames a second of the file.
+    /// Frames per second of the file.
     pub source_fps: f64,
-    /// Metres in one of the file's units; `None` where places stay as they are.
+    /// Metres in one of the file's units; `None` if places stay as they are.
     pub unit_m: Option<f64>,
 }
 
-/// The clips of all files, and what became of the others. But for the clips it is `import.json`: what was
-/// imported, how, and what was left out.
+/// The clips of all files, and the rest of `import.json`: the imported files, the settings, and the files left out.
 #[derive(Default, Serialize)]
 pub struct Clips {
-    /// What the files hold.
+    /// The format of the files.
     pub form: &'static str,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
     pub left_handed: bool,
     #[serde(skip)]
@@ -95,7 +94,7 @@ impl Clips {
         Ok(all)
     }
 
-    /// Gives each clip its split: those of the folder, or by groups.
+    /// Assigns each clip a split: from the folder, or by groups.
     fn split(&mut self, told: Option<&HashMap<String, Split>>) -> Result<(), ImportError> {
         if let Some(told) = told {
             let (known, other): (Vec<Clip>, Vec<Clip>) =
@@ -119,7 +118,7 @@ impl Clips {
     }
 }
 
-/// The poses at the origin, on the floor, facing +z; as they are where they are there already.
+/// Moves the poses to the origin, on the floor, facing +z; unchanged if they are there already.
 fn canonical(poses: &[Pose]) -> Vec<Pose> {
     if is_canonical(poses) { poses.to_vec() } else { canonicalise(poses) }
 }
@@ -183,7 +182,7 @@ fn cuts(poses: &[Pose]) -> Vec<Range<usize>> {
     let mut first = 0;
     for part in 1..parts {
         let even = n * part / parts;
-        // What is left must still fit into the parts that are left.
+        // The rest must still fit into the remaining parts.
         let least = even.saturating_sub(NEAR).max(n.saturating_sub(WINDOW * (parts - part)));
         let most = (even + NEAR).min(first + WINDOW);
         let at = (least..=most).min_by(|a, b| speed(poses, *a).total_cmp(&speed(poses, *b)));
@@ -201,9 +200,9 @@ fn speed(poses: &[Pose], at: usize) -> f32 {
     before.iter().zip(here).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-// What motions are captioned with: lines of a file, words of their name, or the caption for all others.
+// Captions of motions: lines of a file, words of the name, or the default caption.
 
-/// Where a motion's captions come from.
+/// The source of a motion's captions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CaptionSource {
     /// A `.txt` file.
@@ -224,7 +223,7 @@ impl CaptionSource {
 const EMPTY: [&str; 10] =
     ["dataset", "take", "clip", "motion", "mocap", "anim", "animation", "capture", "final", "bvh"];
 
-/// The captions of a file's motion, in HumanML3D's grammar, and where they come from.
+/// The captions of a file's motion, in HumanML3D's grammar, and their source.
 ///
 /// # Errors
 /// A sentence: the file of captions cannot be read, or a line is none.
@@ -279,7 +278,7 @@ pub fn line(caption: &str) -> String {
     format!("{}#{}#0.0#0.0", words.join(" "), tags.join(" "))
 }
 
-/// The words of `walk-left_normal_001` and of `WalkLeft01`; `None` where it has none.
+/// The words of `walk-left_normal_001` and of `WalkLeft01`; `None` if it has none.
 fn words_of(id: &str) -> Option<String> {
     let is_word = |word: &str| {
         word.chars().count() > 1 && word.chars().all(char::is_alphabetic) && !EMPTY.contains(&word)
@@ -290,8 +289,8 @@ fn words_of(id: &str) -> Option<String> {
     (!words.is_empty()).then(|| words.join(" "))
 }
 
-/// The lines that hold for some poses of a motion of `fps` a second: captions of the whole as they are, those of a
-/// part moved to where it is now. Parts of which less than a clip is left go.
+/// The lines that apply to some poses of a motion at `fps`: captions of the whole are unchanged, those of a part are
+/// shifted. Parts shorter than a clip are dropped.
 fn within(lines: &[String], frames: &Range<usize>, fps: f64) -> Vec<String> {
     let [from, to] = [frames.start, frames.end].map(|frame| frame as f64 / fps);
     let moved = |line: &String| {

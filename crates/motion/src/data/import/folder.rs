@@ -1,4 +1,4 @@
-//! The folder of an imported data set, written beside its place and renamed; also the procedural motion as one.
+//! Writes an imported data set into a temporary folder and renames it; also writes the procedural motion.
 
 use std::collections::HashSet;
 use std::fs;
@@ -15,18 +15,18 @@ use crate::data::{FPS, MotionSource, Procedural, Split, StatsAccumulator};
 use crate::files::{FileError, atomic::PARTIAL};
 use crate::motion::{N_FEATURES, N_JOINTS, canonicalise, features_of_canonical_at};
 
-/// What a folder of this command holds and no other.
+/// The file that marks a folder of this command.
 const MARK: &str = "import.json";
 
-/// Clips whose features are held at a time.
+/// Clips with features in memory at a time.
 const AT_ONCE: usize = 256;
 
-/// What came of an import.
+/// The result of an import.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Imported {
     /// Clips by split: train, val, test.
     pub splits: [SplitCount; 3],
-    /// Frames a second of the data set.
+    /// Frames per second of the data set.
     pub fps: f64,
     pub skeletons: Vec<Skeleton>,
     /// Clips whose caption is the one given for motions without.
@@ -39,7 +39,7 @@ pub struct Imported {
     pub remarks: Vec<String>,
     /// Motions left out because they are shorter than a clip.
     pub too_short: usize,
-    /// A mapping file to fill in, where a skeleton's joints are not all known.
+    /// A mapping file to fill in, if some joints of a skeleton are unknown.
     pub draft: Option<String>,
 }
 
@@ -54,7 +54,7 @@ pub struct SplitCount {
 /// Whether `to` may be written.
 ///
 /// # Errors
-/// It is there and is not to be written over, or is nothing that was imported.
+/// It exists and must not be overwritten, or it was not made by an import.
 pub fn check_place(to: &Path, overwrite: bool) -> Result<(), ImportError> {
     let path = to.to_path_buf();
     match (to.exists(), overwrite) {
@@ -68,12 +68,12 @@ pub fn check_place(to: &Path, overwrite: bool) -> Result<(), ImportError> {
 /// Writes the data set `to`.
 ///
 /// # Errors
-/// A file cannot be written; then nothing is there, or what was there before.
+/// A file cannot be written; then the previous state remains.
 pub fn write(clips: Clips, to: &Path) -> Result<Imported, ImportError> {
     let partial = beside(to, PARTIAL);
     remove(&partial)?;
     let told = fill(&clips, &partial).inspect_err(|_| {
-        // What the disk had no room for is of no use.
+        // A partial folder is useless.
         let _ = fs::remove_dir_all(&partial);
     })?;
     let old = beside(to, &format!("{PARTIAL}old-"));
@@ -86,7 +86,7 @@ pub fn write(clips: Clips, to: &Path) -> Result<Imported, ImportError> {
     Ok(imported(clips, told))
 }
 
-/// A folder beside `to`, which a later import removes if this one is killed.
+/// A folder next to `to`, removed by a later import if this one is killed.
 fn beside(to: &Path, prefix: &str) -> PathBuf {
     to.with_file_name(format!("{prefix}{}", to.file_name().unwrap_or_default().to_string_lossy()))
 }

@@ -34,7 +34,7 @@ fn motion(file: &SourceFile, fps: f64, options: &ImportOptions) -> Result<Motion
         Ok::<_, String>(settled(&poses, options.up))
     };
     let found = match options.form {
-        // Sides are told apart by the toes: sources do not agree on which comes first.
+        // The toes decide the sides: sources disagree on which comes first.
         Form::Kit => match settle(of_kit(&array, RIGHT_FIRST))? {
             Err(PointsError::Backwards) => settle(of_kit(&array, LEFT_FIRST))?,
             found => found,
@@ -80,13 +80,13 @@ fn bodies<const J: usize>(values: &[f32], n_joints: usize) -> Vec<[Point; J]> {
 // KIT-ML's 21 joints (Plappert et al. 2016), in the order of text-to-motion, as the 22 of HumanML3D.
 //
 // Pelvis, belly, chest, lower and upper neck; shoulder, elbow and wrist of one side and of the other; hip, knee,
-// ankle, ball of the foot and toes likewise. Millimetres, 12.5 frames a second.
+// ankle, ball of the foot and toes likewise. Millimetres, 12.5 frames per second.
 
 /// Joints of KIT-ML's body.
 const JOINTS: usize = 21;
-/// Features of a frame, where a file holds those.
+/// Features of a frame, if a file has them.
 const FEATURES: usize = feature_width(JOINTS);
-/// Frames a second of KIT-ML's files.
+/// Frames per second of KIT-ML's files.
 const KIT_FPS: f64 = 12.5;
 
 /// The sides, 0 the left, of the joints 5 to 7 and 11 to 15 and of those after them: as text-to-motion reads them.
@@ -94,13 +94,13 @@ const RIGHT_FIRST: [usize; 2] = [1, 0];
 /// The same as the order of their names has them.
 const LEFT_FIRST: [usize; 2] = [0, 1];
 
-/// How far from the neck to the shoulder, and to the chest, a collar of HumanML3D's is: by least squares over
-/// moving bodies, 6 mm off an axis.
+/// Position of HumanML3D's collar between neck, shoulder and chest: by least squares over moving bodies, 6 mm off an
+/// axis.
 const COLLAR: [f64; 2] = [0.37, 0.28];
-/// How far from the first joint of the spine to the third the second is, likewise.
+/// Position of the second joint of the spine between the first and the third, likewise.
 const SPINE: f64 = 0.73;
 
-/// A pose of KIT-ML as one of HumanML3D's joints. Joints that it has not lie between those that it has.
+/// A pose of KIT-ML as HumanML3D's joints. Missing joints are placed between existing ones.
 fn pose_of(joints: &[Point; JOINTS], sides: [usize; 2]) -> Pose64 {
     let [chest, neck] = [joints[2], joints[3]];
     let between = |a: Point, share: f64, b: Point| add(a, scale(sub(b, a), share));

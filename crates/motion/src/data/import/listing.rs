@@ -14,7 +14,7 @@ pub struct SourceFile {
     pub path: PathBuf,
     /// Relative to the folder that is imported, with `/`.
     pub name: String,
-    /// The stem as it is, where no other file has it.
+    /// The stem, if it is unique.
     pub stem: Option<String>,
     /// Name of its clips: the stem, with the folders before it where two files have one stem.
     pub id: String,
@@ -30,19 +30,19 @@ impl SourceFile {
 /// The motions of a folder.
 pub struct Listing {
     pub files: Vec<SourceFile>,
-    /// Where the folder has HumanML3D's layout: the splits of its clips.
+    /// The splits of its clips, if the folder has HumanML3D's layout.
     pub splits: Option<HashMap<String, Split>>,
-    /// Its captions, where they do not lie beside the motions: those that are told, or those of that layout.
+    /// Its captions, if not next to the motions: the given ones, or those of that layout.
     pub texts: Option<PathBuf>,
-    /// Whether it has that layout, so that its frames a second are known.
+    /// Whether it has that layout, so that its frames per second are known.
     pub humanml3d: bool,
 }
 
-/// Every file below `from` with the ending of its form, by name; of a folder in the HumanML3D layout those in
-/// `new_joints`, or of KIT-ML's where it has features alone, in `new_joint_vecs`.
+/// Every file below `from` with the ending of its format, by name; in the HumanML3D layout those in `new_joints`, or for
+/// KIT-ML with features only, in `new_joint_vecs`.
 ///
 /// # Errors
-/// The folder cannot be read, or holds none.
+/// The folder cannot be read, or has no such file.
 pub fn list(options: &ImportOptions) -> Result<Listing, ImportError> {
     let ImportOptions { from: root, form, .. } = options;
     let own = layout(root, *form);
@@ -63,7 +63,7 @@ pub fn list(options: &ImportOptions) -> Result<Listing, ImportError> {
     Ok(Listing { files: named(&base, paths), splits, texts, humanml3d })
 }
 
-/// Where the motions of a folder in the HumanML3D layout lie; `None` for another folder.
+/// The folder of motions in the HumanML3D layout; `None` for other layouts.
 fn layout(root: &Path, form: Form) -> Option<PathBuf> {
     let places: &[&str] = match form {
         Form::Joints => &["new_joints"],
@@ -91,7 +91,7 @@ fn walk(
         listed.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<PathBuf>, _>>()
     });
     let mut entries = listed.map_err(FileError::read(folder))?;
-    // A file stands before the links to it, whatever their names.
+    // A file comes before links to it, whatever their names.
     entries.sort_by_key(|path| (path.is_symlink(), path.clone()));
     let mut folders = Vec::new();
     for path in entries {
@@ -124,7 +124,7 @@ fn named(base: &Path, paths: Vec<PathBuf>) -> Vec<SourceFile> {
     distinct(named.collect())
 }
 
-/// The same, each with an id of its own: a later file of an id that is taken gets a number.
+/// The same with unique ids: a later file of a used id gets a number.
 fn distinct(mut files: Vec<SourceFile>) -> Vec<SourceFile> {
     let mut taken: HashSet<String> = files.iter().map(|file| file.id.clone()).collect();
     let mut met = HashSet::new();
@@ -151,7 +151,7 @@ fn clean(text: &str) -> String {
 /// given away.
 const SHARES: [(Split, f64); 3] = [(Split::Train, 0.8), (Split::Test, 0.15), (Split::Val, 0.05)];
 
-/// The group of each file; folders where there are three or more, or else names.
+/// The group of each file: by folder if there are three or more, else by name.
 pub fn groups(files: &[SourceFile], by: Option<GroupBy>) -> Vec<String> {
     let of = |by: GroupBy| -> Vec<String> { files.iter().map(|file| group(file, by)).collect() };
     if let Some(by) = by {

@@ -1,12 +1,12 @@
-//! Motion of other layouts and skeletons as a folder in the HumanML3D layout.
+//! Imports motion of other layouts and skeletons into a folder in the HumanML3D layout.
 //!
 //! ```text
 //! listing → motion (BVH or joints, retargeted) → cut ─┐
 //!              captions, groups → splits ──────────────┴→ folder
 //! ```
 //!
-//! Every file is read on its own, so that all that is wrong is told at once, a sentence each. The folder
-//! appears whole, by rename, and the same files give the same bytes.
+//! Every file is read separately, so all problems are reported at once, one sentence each. The folder is renamed into
+//! place, and the same files give the same bytes.
 
 mod bvh;
 mod clips;

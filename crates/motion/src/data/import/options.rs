@@ -1,4 +1,4 @@
-//! What is imported, how, and why it may fail; the motions that files hold and their rates.
+//! Options and errors of an import; the motions of files and their rates.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use crate::files::{FileError, read_text};
 use crate::motion::JOINT_NAMES;
 use crate::motion::retarget::{NameMap, Pose64, Up, resampled};
 
-/// What the files hold.
+/// The format of the files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// BVH of any hierarchy that has a body's joints.
@@ -35,7 +35,7 @@ impl Form {
     }
 }
 
-/// What no split parts.
+/// The grouping that splits respect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GroupBy {
     /// Files of one folder.
@@ -48,30 +48,33 @@ pub enum GroupBy {
     File,
 }
 
-/// What is imported, and how.
+/// The options of an import.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportOptions {
     pub from: PathBuf,
     pub form: Form,
-    /// Names of joints, where the program's guess is not used.
+    /// Names of joints, to override the program's guess.
     pub map: NameMap,
-    /// The axis that points up, where it is not looked for.
+    /// The axis that points up, if given.
     pub up: Option<Up>,
     /// The axes are left-handed.
     pub left_handed: bool,
-    /// Frames a second of `.npy` files.
+    /// Frames per second of `.npy` files.
     pub fps: Option<f64>,
-    /// Frames a second of the data set.
+    /// Frames per second of the data set.
     pub rate: Rate,
-    /// Folder of captions; by default they lie beside the motions.
+    /// Folder of captions; by default next to the motions.
     pub texts: Option<PathBuf>,
     /// The caption of motions without one, of which not even the name says anything.
     pub caption: String,
-    /// By default folders where there are three or more, or else names.
+    /// By default folders if there are three or more, else names.
     pub group: Option<GroupBy>,
-    /// Replace a data set that stands there.
+    /// Replace an existing data set.
     pub overwrite: bool,
 }
+
+/// Bytes of a mapping file: 22 names. YAML of 64 KiB of brackets takes seconds.
+const LONGEST_MAP: usize = 1 << 14;
 
 /// A mapping file: `joint of the skeleton: name of the file's joint`, YAML.
 ///
@@ -80,6 +83,9 @@ pub struct ImportOptions {
 pub fn read_map(path: &Path) -> Result<NameMap, ImportError> {
     let invalid = |problem: String| ImportError::Map { path: path.to_path_buf(), problem };
     let text = read_text(path).map_err(|error| invalid(error.to_string()))?;
+    if text.len() > LONGEST_MAP {
+        return Err(invalid(format!("it is longer than {LONGEST_MAP} bytes")));
+    }
     let lines: BTreeMap<String, String> =
         serde_yaml::from_str(&text).map_err(|error| invalid(error.to_string()))?;
     let entry = |(role, name): (String, String)| {
@@ -92,16 +98,16 @@ pub fn read_map(path: &Path) -> Result<NameMap, ImportError> {
     lines.into_iter().map(entry).collect()
 }
 
-// What files hold: motions on HumanML3D's skeleton, and the skeletons that they come from.
+// The content of files: motions on HumanML3D's skeleton, and their original skeletons.
 
 /// A file's motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     /// At the rate of the data set, y up, metres.
     pub poses: Vec<Pose64>,
-    /// Frames a second of the file.
+    /// Frames per second of the file.
     pub fps: f64,
-    /// Metres of the target in one of the file's units, where it was changed.
+    /// Metres of the target per unit of the file, if it was changed.
     pub unit_m: Option<f64>,
     /// A sentence on how the file was read, where that may be wrong.
     pub remark: Option<String>,
@@ -115,7 +121,7 @@ pub struct Motions {
     pub draft: Option<String>,
 }
 
-/// What a skeleton of the files is taken for.
+/// The interpretation of a skeleton of the files.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Skeleton {
     /// Names of its joints, in the order of the file.
@@ -124,14 +130,14 @@ pub struct Skeleton {
     /// Files that have it.
     pub files: usize,
     pub up: String,
-    /// Where its neutral pose comes from.
+    /// The source of its neutral pose.
     pub neutral: String,
     /// Joints that play the parts of the 22, as `pelvis: Hips`.
     #[serde(rename = "joints")]
     pub roles: BTreeMap<&'static str, String>,
 }
 
-/// Frames a second of the data set.
+/// Frames per second of the data set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rate {
     /// Every motion is resampled to it.
@@ -141,7 +147,7 @@ pub enum Rate {
 }
 
 impl Rate {
-    /// Poses of a file of `fps` frames a second, at the rate of the data set.
+    /// Poses of a file of `fps` frames per second, at the rate of the data set.
     pub(super) fn of(self, poses: &[Pose64], fps: f64) -> Vec<Pose64> {
         match self {
             Rate::Fixed(rate) => resampled(poses, fps, rate),
@@ -149,10 +155,10 @@ impl Rate {
         }
     }
 
-    /// Frames a second of the data set of these motions.
+    /// Frames per second of the data set of these motions.
     ///
     /// # Errors
-    /// They differ, and should be kept.
+    /// They differ, but should be kept.
     pub(super) fn of_all(self, motions: &[Result<Motion, String>]) -> Result<f64, ImportError> {
         let mut rates = motions.iter().flatten().map(|motion| motion.fps);
         match (self, rates.next()) {
@@ -208,7 +214,7 @@ impl ImportError {
     }
 }
 
-/// Problems that are told, at most.
+/// Most problems that are shown.
 const TOLD: usize = 12;
 
 fn first(problems: &[String]) -> String {

@@ -31,7 +31,7 @@ pub fn motion(seed: u64, n: usize) -> Vec<Pose> {
     long.next().unwrap()[..n].to_vec()
 }
 
-/// Five motions of four names, as BVH with 30 frames a second.
+/// Five motions of four names, as BVH with 30 frames per second.
 fn folder_of_bvh() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for (i, name) in ["walk_01", "walk_02", "run_01", "bow_01", "turn_01"].iter().enumerate() {

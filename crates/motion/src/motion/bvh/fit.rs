@@ -39,12 +39,12 @@ pub enum FitBvhError {
     NotFinite { frame: usize, joint: &'static str },
 }
 
-/// The hierarchy that comes nearest to `poses`, `fps` frames a second.
+/// Fits a hierarchy to `poses` at `fps` frames per second.
 ///
-/// Bones have their mean lengths over the clip. From the pelvis outwards, each node turns by the
-/// smallest rotation in its parent's frame that points its bone from where the file has the joint
-/// to where the motion has the next one: no joint twists against its parent, and an error ends at
-/// the joint that makes it. Pelvis and chest, with three bones each, turn by least squares.
+/// Bones have their mean lengths over the clip. From the pelvis outwards, each node turns by the smallest rotation in
+/// its parent's frame that points its bone from the joint's position in the file to the next joint's true position: no
+/// joint twists against its parent, and errors do not accumulate. Pelvis and chest, with three bones each, turn by
+/// least squares.
 ///
 /// # Shapes
 /// `[T]` poses in metres to a file of T frames in centimetres and degrees.
@@ -108,7 +108,7 @@ fn turn_to(state: &mut [Turn], pose: &Pose, nodes: &[Node], rest: &Rest) {
     }
 }
 
-/// The node's rotation in the frame of its parent, which is that of `at`, where the node lies.
+/// The node's rotation in the frame of its parent, given the parent's rotation and the node's position `at`.
 fn rotation(node: &Node, pose: &Pose, rest: &Rest, at: Placed, before: Quat) -> Quat {
     let back = conjugate(at.rotation);
     let present = |&aim: &usize| rotate(back, sub(pose[aim].map(f64::from), at.position));
@@ -119,7 +119,7 @@ fn rotation(node: &Node, pose: &Pose, rest: &Rest, at: Placed, before: Quat) -> 
     weighted_align(&node.aims, &bones, &present, prior)
 }
 
-/// Place of a node in its parent's frame: none for a base, which lies where its parent lies.
+/// Position of a node in its parent's frame; `None` for a base, which coincides with its parent.
 fn offset(nodes: &[Node], node: &Node, rest: &Rest) -> Point {
     let parent = node.parent.map(|parent| nodes[parent].joint);
     if parent == Some(node.joint) { [0.0; 3] } else { rest[node.joint] }
@@ -169,7 +169,7 @@ const COLLARS: [usize; 2] = [13, 14];
 struct Node {
     name: String,
     parent: Option<usize>,
-    /// The joint of the skeleton where the node lies.
+    /// The joint of the skeleton at the node.
     joint: usize,
     /// Joints of the skeleton that the node's rotation brings to their places.
     aims: Vec<usize>,
@@ -178,8 +178,8 @@ struct Node {
 
 impl Node {
     fn new(name: String, parent: Option<usize>, joint: usize, aims: Vec<usize>) -> Node {
-        // The axis along which the bones that leave the node lie in the rest pose, more or less; that of
-        // the bone before it where none leaves.
+        // The approximate axis of the node's outgoing bones in the rest pose; of its incoming bone if there is
+        // none.
         let axis = match aims[..] {
             [aim] => Axis::along(REST_DIRECTIONS[aim]),
             [] => Axis::along(REST_DIRECTIONS[joint]),
@@ -192,9 +192,9 @@ impl Node {
 
 /// Nodes depth first, each after its parent.
 ///
-/// A joint with one child turns that child to its place. Pelvis and chest turn three at once, as
-/// rigid bodies. Shoulders rise against the neck, so each collar has a base of its own on the
-/// chest's place, without length, that turns it: CMU's skeletons do the same.
+/// A joint with one child turns that child to its position. Pelvis and chest turn three at once, as rigid bodies.
+/// Shoulders rise against the neck, so each collar has its own base at the chest, without length, that turns it, as in
+/// CMU's skeletons.
 fn nodes() -> Vec<Node> {
     let mut nodes = Vec::with_capacity(N_JOINTS + COLLARS.len());
     add_node(&mut nodes, 0, None);
@@ -217,8 +217,7 @@ fn add_node(nodes: &mut Vec<Node>, joint: usize, parent: Option<usize>) {
 
 /// Direction from its parent to each joint in the rest pose: a T, palms down, facing +z.
 ///
-/// Lengths play no part. The three of the pelvis and the three of the chest are where the search
-/// for a clip's own angles begins.
+/// Lengths are not used. The three of the pelvis and the three of the chest start the search for a clip's own angles.
 const REST_DIRECTIONS: [Point; N_JOINTS] = {
     const UP: Point = [0.0, 1.0, 0.0];
     const DOWN: Point = [0.0, -1.0, 0.0];
@@ -244,7 +243,7 @@ type Rest = [Point; N_JOINTS];
 /// The rest pose of `poses`: bones as long as they are in the mean over the frames.
 ///
 /// A bone that leaves its joint alone has the direction of [`REST_DIRECTIONS`]. Bones that leave a
-/// joint together have the mean of their directions over the frames, each frame turned on the mean
+/// joint together have the mean of their directions over the frames, each frame turned on average
 /// (generalised Procrustes analysis, Gower 1975), and that mean is turned upright.
 fn rest_pose(poses: &[Pose], nodes: &[Node]) -> Rest {
     let mut rest: Rest = std::array::from_fn(|joint| {

@@ -1,4 +1,4 @@
-//! [`Bvh`]: what a BVH file says; its channels into positions, and rotations into angles of channels.
+//! [`Bvh`]: the content of a BVH file; converts channels to positions, and rotations to channel angles.
 
 use std::f64::consts::{PI, TAU};
 
@@ -56,9 +56,9 @@ pub struct BvhJoint {
     pub name: String,
     /// Index of the parent, smaller than the joint's own; a ROOT has none.
     pub parent: Option<usize>,
-    /// Place in the parent's frame, in the file's unit of length, where no channel says another.
+    /// Position in the parent's frame, in the file's unit, unless channels override it.
     pub offset: Point,
-    /// What each frame gives, in this order; rotations apply from right to left.
+    /// The values per frame, in this order; rotations apply from right to left.
     pub channels: Vec<Channel>,
     /// Offsets of the End Sites, which have no channels.
     pub end_sites: Vec<Point>,
@@ -94,12 +94,11 @@ impl Bvh {
         self.joints.iter().map(|joint| joint.channels.len()).sum()
     }
 
-    /// The place of each joint in each frame, in the file's unit of length.
+    /// The position of each joint in each frame, in the file's unit.
     ///
     /// `p = p_parent + R_parent t` and `R = R_parent R_1 R_2 R_3` with the joint's rotations in the
-    /// order of its channels. `t` is OFFSET, with the numbers of the position channels in the place
-    /// of its own, as the files of the Bandai Namco motion data set mean it; a file whose root has
-    /// OFFSET 0 means the same to readers that add the two.
+    /// order of its channels. `t` is OFFSET, replaced by the position channels if present, as the Bandai Namco motion data
+    /// set intends; a file whose root has OFFSET 0 means the same to readers that add the two.
     ///
     /// # Shapes
     /// `[T]` frames of as many points as there are joints. End Sites are no joints.
@@ -129,7 +128,7 @@ impl Bvh {
     /// The poses of a file that names its joints as [`JOINT_NAMES`] and is in centimetres, as
     /// [`fit_bvh`](super::fit_bvh) makes them; further joints play no part. Metres.
     ///
-    /// `None` where a name is missing.
+    /// `None` if a name is missing.
     pub fn poses(&self) -> Option<Vec<Pose>> {
         let find = |name: &&str| self.joints.iter().position(|joint| joint.name == **name);
         let joints: Vec<usize> = JOINT_NAMES.iter().map(find).collect::<Option<_>>()?;
@@ -184,9 +183,8 @@ pub type Order = [Axis; 3];
 
 /// The order whose middle turn is about `axis`.
 ///
-/// The outer turns fall together where the middle one is by 90°. A smallest rotation of a vector
-/// along `axis` comes there only where the vector is turned right round, so limbs that rest along
-/// their middle axis are free of it.
+/// The outer turns coincide if the middle one is by 90°. A smallest rotation of a vector along `axis` reaches this only
+/// if the vector is reversed, so limbs that rest along their middle axis avoid it.
 pub fn order_around(axis: Axis) -> Order {
     match axis {
         Axis::X => [Axis::Z, Axis::X, Axis::Y],
@@ -195,10 +193,10 @@ pub fn order_around(axis: Axis) -> Order {
     }
 }
 
-/// The angles in radians that give `rotation`, those nearest to `before` of all that do.
+/// The angles in radians of `rotation` that are nearest to `before`.
 ///
 /// Two triples within a whole turn give each rotation, `(a, b, c)` and `(a + π, π − b, c + π)`.
-/// Where the outer turns share their axis, the first keeps its angle.
+/// If the outer turns share their axis, the first keeps its angle.
 pub fn angles(rotation: Quat, order: Order, before: Point) -> Point {
     let m = Turned::of(rotation, order);
     let first = if m.m[1][2].hypot(m.m[2][2]) < LOCKED {
@@ -225,7 +223,7 @@ impl Turned {
         Turned { m, parity: if forward { 1.0 } else { -1.0 } }
     }
 
-    /// All three angles, where the first is `a`: what is left are two turns.
+    /// All three angles, given the first `a`: the rest are two turns.
     fn after(&self, a: f64) -> Point {
         let (sin, cos) = (self.parity * a).sin_cos();
         let second = |column: usize| cos * self.m[1][column] + sin * self.m[2][column];

@@ -57,15 +57,17 @@ fn numbers(values: &[f64]) -> String {
 /// The number that the file holds for `value`; never a zero with a sign.
 pub fn rounded(value: f64) -> f64 {
     let scale = 10f64.powi(DECIMALS as i32);
-    (value * scale).round() / scale + 0.0
+    let rounded = (value * scale).round() / scale + 0.0;
+    // A number near the end of the range has no decimals.
+    if rounded.is_finite() { rounded } else { value }
 }
 
 // Reading.
 
-/// Where and why a text is no BVH file; reads on after the file's name and a colon.
+/// Place and reason of an invalid BVH text; phrased to follow the file's name and a colon.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum BvhError {
-    /// Another word stands where the format has its own.
+    /// An unexpected word.
     #[error("line {line}: {expected} is expected, here is {found:?}")]
     Word { line: usize, expected: String, found: String },
     /// The text ends too early.
@@ -98,7 +100,7 @@ impl BvhError {
 }
 
 impl Bvh {
-    /// The file that `text` is.
+    /// Parses `text`.
     ///
     /// Any hierarchy is read: several roots, joints with any channels in any order or with none,
     /// several End Sites, names of several words, keywords in any case. A frame is a line.
@@ -153,7 +155,7 @@ impl Word<'_> {
     }
 }
 
-/// What a brace was opened for.
+/// The purpose of an open brace.
 #[derive(Clone, Copy)]
 enum Open {
     Joint(usize),
@@ -236,7 +238,7 @@ impl<'a> Reader<'a> {
         self.parsed(keyword, |text| text.eq_ignore_ascii_case(keyword).then_some(()))
     }
 
-    /// What the next word says.
+    /// The meaning of the next word.
     fn parsed<T>(
         &mut self,
         expected: &str,
@@ -246,7 +248,7 @@ impl<'a> Reader<'a> {
         parse(word.text).ok_or_else(|| word.instead_of(expected))
     }
 
-    /// The next word; `expected` says what is looked for.
+    /// The next word; `expected` is named in the error.
     fn take(&mut self, expected: &str) -> Result<Word<'a>, BvhError> {
         self.words.next().ok_or_else(|| BvhError::end(self.n_lines, expected))
     }
@@ -265,7 +267,7 @@ fn frames(lines: &[&str], first: usize, width: usize) -> Result<(f64, Vec<Vec<f6
     let (line, text) = next(FRAMES)?;
     let said: usize = value(text, "Frames", FRAMES, line, |text| text.parse().ok())?;
     let (time_line, text) = next(TIME)?;
-    let positive = |text: &str| finite(text).filter(|&seconds| seconds > 0.0);
+    let positive = |text: &str| finite(text).filter(|&seconds| seconds >= SHORTEST_S);
     let frame_time_s = value(text, "Frame Time", TIME, time_line, positive)?;
     let frames: Vec<Vec<f64>> =
         left.map(|(line, text)| frame(text, line, width)).collect::<Result<_, _>>()?;
@@ -276,6 +278,8 @@ fn frames(lines: &[&str], first: usize, width: usize) -> Result<(f64, Vec<Vec<f6
 }
 
 const FRAMES: &str = "\"Frames:\" and a count";
+/// Seconds of a frame that the decimals of a file can tell from zero.
+const SHORTEST_S: f64 = 1e-8;
 const TIME: &str = "\"Frame Time:\" and seconds above zero";
 
 /// The value after a key and a colon.

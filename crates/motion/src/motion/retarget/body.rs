@@ -1,4 +1,4 @@
-//! [`Body`]: what the places of a body's joints say of its stance, and which way is up in a file.
+//! [`Body`]: the stance of a body from its joint positions, and the up axis of a file.
 
 use std::fmt;
 use std::str::FromStr;
@@ -54,7 +54,7 @@ impl Body {
         self.middle([1, 2])
     }
 
-    /// The direction from the ankles to the shoulders; zero where they lie on one another.
+    /// The direction from the ankles to the shoulders; zero if they coincide.
     pub fn height(&self) -> Point {
         with_length(sub(self.middle([16, 17]), self.middle([7, 8])), 1.0).unwrap_or_default()
     }
@@ -65,8 +65,8 @@ impl Body {
         (bone(1, 4) + bone(4, 7) + bone(2, 5) + bone(5, 8)) / 2.0
     }
 
-    /// The rotation of a body that stands upright and faces as this one does: x to its left, `up` above.
-    /// `None` where its hips and shoulders lie along `up`.
+    /// The rotation of an upright body with the same facing: x to its left, `up` above.
+    /// `None` if its hips and shoulders lie along `up`.
     pub fn facing(&self, up: Point) -> Option<Quat> {
         let across = add(sub(self.at(1), self.at(2)), sub(self.at(16), self.at(17)));
         let level = sub(across, scale(up, dot(across, up)));
@@ -86,7 +86,7 @@ impl Body {
             && cosine(self.hips(), self.middle([16, 17])) > TRUNK_UPRIGHT
     }
 
-    /// How far the toes point forward, from −1 to 1, the mean of both; `None` without toes.
+    /// Mean forward direction of the toes, from −1 to 1; `None` without toes.
     pub fn toes_forward(&self, up: Point) -> Option<f64> {
         let facing = self.facing(up).filter(|_| self.has_toes)?;
         let forward = rotate(facing, Axis::Z.unit());
@@ -109,7 +109,7 @@ pub struct Up {
 const CLEAR: f64 = 0.8;
 
 impl Up {
-    /// The axis along which `direction` lies; `None` where it lies between two.
+    /// The axis along which `direction` lies; `None` if it lies between two.
     pub fn along(direction: Point) -> Option<Up> {
         let length = norm(direction);
         let axis = Axis::along(direction);

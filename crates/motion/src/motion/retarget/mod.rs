@@ -1,4 +1,4 @@
-//! Other skeletons' motion on HumanML3D's skeleton.
+//! Retargets other skeletons' motion to HumanML3D's skeleton.
 //!
 //! ```text
 //! names → Roles ─┐

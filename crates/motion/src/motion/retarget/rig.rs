@@ -10,14 +10,14 @@ use crate::motion::{
     BONE_LENGTHS, N_JOINTS, NO_ROTATION, PARENTS, Quat, conjugate, multiply, rotate,
 };
 
-/// Sums over the frames of a file; those of several files of one skeleton add up.
+/// Sums over the frames of a file; sums of several files of one skeleton add up.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Survey {
     /// Directions from the ankles to the shoulders.
     pub height: Point,
-    /// How far the toes point forward, and the frames in which it shows.
+    /// Sum of the toes' forward direction, and the number of frames with toes.
     pub toes: (f64, usize),
-    /// Frames in which the body stands.
+    /// Frames with a standing body.
     pub standing: usize,
     /// Over those, for each joint: the axes of the upright body in the frame of the joint that carries its
     /// bone.
@@ -32,8 +32,7 @@ fn carrier(roles: &Roles, joint: usize) -> Option<usize> {
 }
 
 impl Survey {
-    /// Of a file's frames, with the axis that is told to point up, or else the one along which the body of
-    /// this file stands.
+    /// Over a file's frames, with the given up axis, or the axis along which the body stands.
     pub fn of(frames: &[Vec<Placed>], roles: &Roles, told: Option<Up>) -> Survey {
         let heights = frames.iter().map(|joints| Body::of(joints, roles).height());
         let mut survey = Survey { height: heights.fold([0.0; 3], add), ..Survey::default() };
@@ -109,7 +108,7 @@ pub enum Differs {
 /// Frames of standing bodies from which a neutral pose is taken, at least.
 const STANDING_FRAMES: usize = 10;
 
-/// Where the body is known to stand upright.
+/// The source of the upright pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Neutral {
     /// The pose of the OFFSETs is a T or an A.
@@ -118,13 +117,13 @@ pub enum Neutral {
     Standing(usize),
 }
 
-/// What moves the target skeleton: which joints, and how each is turned when the body stands.
+/// The mapping to the target skeleton: joints, and their rotations in the standing body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
     pub roles: Roles,
     pub up: Up,
     pub neutral: Neutral,
-    /// For each bone that a joint carries, from the upright body's axes to those of that joint.
+    /// For each bone of a joint, the rotation from the upright body's axes to the joint's.
     pub rests: [Quat; N_JOINTS],
 }
 
@@ -146,11 +145,10 @@ pub enum RigError {
 }
 
 impl Rig {
-    /// Of a skeleton, from the pose of its OFFSETs and the sums over all its files.
+    /// For a skeleton, from the pose of its OFFSETs and the sums over all its files.
     ///
-    /// Where the pose of the OFFSETs is a standing body it is the neutral pose. If it is not (in Bandai
-    /// Namco's and LaFAN1's files every bone of that pose lies along an axis), the mean over standing
-    /// frames is.
+    /// If the pose of the OFFSETs is a standing body, it is the neutral pose. Otherwise (in Bandai Namco's and LaFAN1's files
+    /// every bone of that pose lies along an axis) the mean over standing frames is.
     ///
     /// # Errors
     /// [`RigError`].
@@ -179,7 +177,7 @@ impl Rig {
     }
 }
 
-/// The facing of the pose of the OFFSETs, where it is a body that stands with its toes in front.
+/// The facing of the pose of the OFFSETs, if it is a standing body with its toes in front.
 fn neutral_zero(body: &Body) -> Option<Quat> {
     let up = Up::along(body.height())?;
     let up = rotate(conjugate(up.turn()), [0.0, 1.0, 0.0]);
@@ -189,9 +187,9 @@ fn neutral_zero(body: &Body) -> Option<Quat> {
         .flatten()
 }
 
-/// Metres of the target in one of the file's units: the ratio of the legs, the mean over the frames.
+/// Metres of the target per unit of the file: the mean ratio of the legs over the frames.
 ///
-/// `None` without frames, and where the legs have no length.
+/// `None` without frames, or if the legs have no length.
 pub fn unit_m(frames: &[Vec<Placed>], rig: &Rig) -> Option<f64> {
     let legs = frames.iter().map(|joints| Body::of(joints, &rig.roles).leg());
     let mean = legs.sum::<f64>() / frames.len() as f64;

@@ -1,10 +1,9 @@
-//! Which joint of a file plays the part of each joint of HumanML3D's skeleton: by its name, and by where it
-//! hangs.
+//! Assigns the joints of a file to the joints of HumanML3D's skeleton, by name and by place in the hierarchy.
 
 use crate::motion::bvh::{Bvh, BvhJoint};
 use crate::motion::{JOINT_NAMES, N_JOINTS};
 
-/// For each of the 22 joints the index of the file's joint, where it has one.
+/// For each of the 22 joints the index of the file's joint, if any.
 pub type Roles = [Option<usize>; N_JOINTS];
 
 /// A mapping from joints of the skeleton to names of joints in the file.
@@ -37,11 +36,11 @@ const HEAD: [&str; 2] = ["head", "face"];
 /// Joints that a body cannot do without.
 const NEEDED: [usize; 14] = [0, 1, 2, 4, 5, 7, 8, 15, 16, 17, 18, 19, 20, 21];
 
-/// The joints of a hierarchy that play the parts of the skeleton, by `map`, by their names, and by where
-/// they hang: the pelvis is where the thighs part, the chest where the shoulders part.
+/// The joints of a hierarchy with roles in the skeleton, by `map`, by name, and by place: the pelvis is the joint where
+/// the thighs branch off, the chest where the shoulders branch off.
 ///
-/// Bandai Namco, CMU, LaFAN1, Mixamo, Biped, SMPL and Blender's names are known. A hand or a head without
-/// a joint is the End Site of the joint before it.
+/// Names of Bandai Namco, CMU, LaFAN1, Mixamo, Biped, SMPL and Blender are known. A hand or a head without a joint is the
+/// End Site of its parent.
 ///
 /// # Errors
 /// [`RoleError`].
@@ -55,7 +54,7 @@ pub fn roles_of(joints: &[BvhJoint], map: &NameMap) -> Result<Roles, RoleError> 
     Err(RoleError::Missing { missing, joints: joints.iter().map(|j| j.name.clone()).collect() })
 }
 
-/// A mapping file: what is found, and blanks.
+/// A mapping file: found joints, and blanks.
 pub fn draft(joints: &[BvhJoint], map: &NameMap) -> String {
     let roles = suggested(joints, map).unwrap_or_default();
     let mut text = String::from(
@@ -93,7 +92,7 @@ fn by_name(joints: &[BvhJoint]) -> Roles {
         for (role, parts) in PARTS {
             roles[role + side] = parts.iter().find_map(find);
         }
-        // `foot` beside an `ankle` is the toe, `shoulder` beside an `arm` the collar bone.
+        // `foot` next to an `ankle` is the toe, `shoulder` next to an `arm` the collar bone.
         for (role, part, beside) in [(10, "foot", 7), (13, "shoulder", 16)] {
             let other = find(&part).filter(|&joint| Some(joint) != roles[beside + side]);
             roles[role + side] = roles[role + side].or(other);
@@ -109,7 +108,7 @@ fn find(names: &[JointName], side: Option<usize>, part: &str) -> Option<usize> {
     names.iter().position(is).or_else(|| names.iter().position(short))
 }
 
-/// Fills in what follows from the tree: pelvis, spine, neck, and ends of chains.
+/// Fills in roles from the tree: pelvis, spine, neck, and ends of chains.
 fn by_place(joints: &[BvhJoint], roles: &mut Roles, told: &[usize]) {
     let shared = |a: Option<usize>, b: Option<usize>| common(joints, a?, b?);
     let set = |roles: &mut Roles, role: usize, joint: Option<usize>| {
@@ -141,23 +140,23 @@ fn by_place(joints: &[BvhJoint], roles: &mut Roles, told: &[usize]) {
     }
 }
 
-// Where joints hang in a hierarchy.
+// The places of joints in a hierarchy.
 
-/// Ends of chains become joints of their own under this word after their parent's name.
+/// The suffix of the joints made from ends of chains, after their parent's name.
 const END: &str = " end";
 
-/// The joint and those that it hangs from, itself first.
+/// The joint and its ancestors, itself first.
 fn ancestors(joints: &[BvhJoint], joint: usize) -> Vec<usize> {
     std::iter::successors(Some(joint), |&joint| joints[joint].parent).collect()
 }
 
-/// The nearest joint that both hang from.
+/// The nearest common ancestor.
 fn common(joints: &[BvhJoint], a: usize, b: usize) -> Option<usize> {
     let of_b = ancestors(joints, b);
     ancestors(joints, a).into_iter().find(|joint| of_b.contains(joint))
 }
 
-/// The joints below `from` on the way to `to`, which is the last; none where it does not hang there.
+/// The joints below `from` on the way to `to`, which is the last; none if `to` is no descendant.
 fn path(joints: &[BvhJoint], from: usize, to: usize) -> Vec<usize> {
     let up = ancestors(joints, to);
     let Some(at) = up.iter().position(|&joint| joint == from) else { return Vec::new() };
@@ -186,7 +185,7 @@ pub fn with_ends(mut bvh: Bvh) -> Bvh {
     bvh
 }
 
-// What the name of a joint says: a side of the body, and a part of it.
+// The side and body part in a joint's name.
 
 /// A joint's name, taken apart.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -200,8 +199,7 @@ struct JointName {
 impl JointName {
     /// Side and part of `mixamorig:LeftUpLeg`, `Bip01 L Thigh`, `upper_arm.L`, `lShldr`, `lhand`, …
     ///
-    /// A word that is a side stands before or after the part. Of a name without a side the last word is
-    /// the part.
+    /// A side is before or after the part. In a name without a side, the last word is the part.
     fn of(name: &str) -> JointName {
         let words = words(name.rsplit(':').next().unwrap_or(name));
         let at = words.iter().position(|word| side(word).is_some());
@@ -228,7 +226,7 @@ fn side(word: &str) -> Option<usize> {
     }
 }
 
-/// Runs of letters and digits in lower case, parted also where a capital begins a word.
+/// Runs of letters and digits in lower case, also split at capitals.
 pub fn words(name: &str) -> Vec<String> {
     let letters: Vec<char> = name.chars().collect();
     let mut words: Vec<String> = vec![String::new()];

@@ -30,7 +30,7 @@ const SAME: f64 = 1e-3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settled {
     pub poses: Vec<Pose64>,
-    /// Metres of the target in one of the file's units; `None` where the bones are the target's already, and
+    /// Metres of the target in one of the file's units; `None` if the bones are the target's already, and
     /// the places stay as they are.
     pub unit_m: Option<f64>,
 }
@@ -49,8 +49,8 @@ pub enum PointsError {
     Backwards,
 }
 
-/// The poses with y up and the target's bones: each keeps its direction, and the root moves as far as the
-/// legs are long (HumanML3D's `uniform_skeleton`).
+/// The poses with y up and the target's bones: each bone keeps its direction, and the root's motion is scaled by the
+/// length of the legs (HumanML3D's `uniform_skeleton`).
 ///
 /// # Errors
 /// [`PointsError`].
@@ -121,7 +121,7 @@ impl Stance {
 /// Times closer to a frame than this share of a frame are that frame's.
 const ON_FRAME: f64 = 1e-6;
 
-/// Poses at `to` frames a second, by Catmull-Rom splines through those at `from`; the bones keep the target's
+/// Poses at `to` frames per second, by Catmull-Rom splines through those at `from`; the bones keep the target's
 /// lengths. The first pose stays the first, and none lies beyond the last.
 pub fn resampled(poses: &[Pose64], from: f64, to: f64) -> Vec<Pose64> {
     let Some(last) = poses.len().checked_sub(1) else { return Vec::new() };
@@ -148,7 +148,7 @@ fn at(poses: &[Pose64], time: f64) -> Pose64 {
     with_lengths(&pose)
 }
 
-/// Of the frames before, at, after and beyond the interval (Catmull and Rom 1974).
+/// The spline through the frames before, at, after and beyond the interval (Catmull and Rom 1974).
 fn weights(t: f64) -> [f64; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [

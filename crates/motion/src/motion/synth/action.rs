@@ -156,7 +156,7 @@ impl Action {
         }
     }
 
-    /// Whether the body stays where the action leaves it: nothing can follow.
+    /// Whether no other action can follow.
     pub fn is_final(&self) -> bool {
         matches!(self, Self::Sit(sit) if !sit.rises)
     }
@@ -193,7 +193,7 @@ impl Action {
     }
 }
 
-/// How much likelier `next` is after `last` than at the start of a clip.
+/// Relative probability of `next` after `last`, compared with the start of a clip.
 fn affinity(last: Option<Choice>, next: Choice) -> f32 {
     use Choice::{Arc, Back, Bow, Clap, Jump, Kick, Punch, Run, Sit, Turn, Walk, Wave};
     let Some(last) = last else { return 1.0 };
@@ -215,7 +215,7 @@ fn affinity(last: Option<Choice>, next: Choice) -> f32 {
 /// Half of the seconds in which one posture gives way to the next.
 const FADE: f32 = 0.28;
 
-/// Longer than any clip: for what does not end within it.
+/// Longer than any clip: for actions without an end in it.
 pub const FOREVER: f32 = 12.0;
 
 /// An action with its time. A walk may have begun before the clip and go on after it.
@@ -230,12 +230,12 @@ pub struct Act {
     pub early: f32,
     /// Seconds for which it goes on after its own duration.
     pub late: f32,
-    /// The next act begins where this one ends.
+    /// The state at the end, where the next act begins.
     pub joins_next: bool,
     /// Steps gather speed at the start, or lose it at the end.
     pub gathers: bool,
     pub slows: bool,
-    /// The same action, with the same numbers, stands earlier in the clip.
+    /// The same action, with the same numbers, occurs earlier in the clip.
     pub again: bool,
 }
 
@@ -270,7 +270,7 @@ impl Act {
         start.min(end)
     }
 
-    /// `before`, given way to this act's posture as far as `t` asks for it.
+    /// Blends from `before` to this act's posture by `t`.
     pub fn over(&self, before: Posture, t: f32, m: &Manner) -> Posture {
         let weight = self.weight(t);
         if weight <= 0.0 {

@@ -13,7 +13,7 @@ const GRAVITY: f32 = 9.81;
 /// Share of the wind-up after which the body is lowest.
 const BOTTOM: f32 = 0.68;
 
-/// Where a jump goes.
+/// The direction of a jump.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aim {
     Up,
@@ -40,7 +40,7 @@ pub struct Jump {
     /// Seconds before the lift and after the landing.
     pub wind_up: f32,
     pub settle: f32,
-    /// How far the arms swing up.
+    /// The upward swing of the arms.
     pub arms: f32,
 }
 
@@ -93,7 +93,7 @@ impl Jump {
         (lift, lift + self.flight())
     }
 
-    /// Velocity: that of the flight, and none on the floor.
+    /// Velocity of the flight; zero on the floor.
     pub fn drive(&self, t: f32) -> Drive {
         let local = t.rem_euclid(self.period()) - self.wind_up;
         if !(0.0..self.duration()).contains(&t) || !(0.0..self.flight()).contains(&local) {
@@ -187,7 +187,7 @@ pub struct Kick {
     /// Angle of the leg from straight down at the strike.
     pub angle: f32,
     pub repeats: Repeats,
-    /// How far the leg swings back, or the knee up, before the strike.
+    /// The backward swing of the leg, or the rise of the knee, before the strike.
     pub wind_up: f32,
 }
 

@@ -63,7 +63,7 @@ pub const UPRIGHT: f32 = 0.978;
 /// The share of a leg's length that a planted leg may use; a straight knee would snap.
 const REACH: f32 = 0.992;
 
-/// The joints of a body whose root stands at `root`.
+/// The joints of a body with its root at `root`.
 pub fn pose(root: FloorPose, posture: &Posture, feet: &[Foot; 2]) -> Pose {
     let trunk = &posture.trunk;
     let yaw = root.yaw + trunk.pelvis_twist;
@@ -83,7 +83,7 @@ pub fn pose(root: FloorPose, posture: &Posture, feet: &[Foot; 2]) -> Pose {
     joints
 }
 
-/// The wanted height, or as much of it as both legs allow; smooth where one takes over.
+/// The requested height, limited by both legs, with a smooth transition.
 fn pelvis_height(ground: FloorPose, wanted: f32, hips: &[V3; 2], feet: &[Foot; 2]) -> f32 {
     Side::BOTH.iter().fold(wanted, |height, &side| {
         let (hip, foot) = (hips[side.index()], &feet[side.index()]);

@@ -1,4 +1,4 @@
-//! Where a foot is: planted, rolling off its toe, or in one of its swings.
+//! The state of a foot: planted, rolling off its toe, or swinging.
 
 use super::maths::{Blend, FloorPose, Side, V3, arch, smooth};
 
@@ -52,9 +52,9 @@ pub struct Swing {
     pub from: FloorPose,
     pub to: FloorPose,
     pub flight: Flight,
-    /// How far the heel has risen over the toe at the lift.
+    /// Height of the heel over the toe at the lift.
     pub roll_off: f32,
-    /// How far the toe is up at the landing.
+    /// Height of the toe at the landing.
     pub strike: f32,
 }
 
@@ -72,7 +72,7 @@ impl FootTrack {
         Self { length, start, swings: Vec::with_capacity(16), done: 0 }
     }
 
-    /// Where the foot stands after its last swing.
+    /// The foot's place after its last swing.
     pub fn last_place(&self) -> FloorPose {
         self.swings.last().map_or(self.start, |swing| swing.to)
     }
@@ -168,7 +168,7 @@ fn kicking(swing: &Swing, root: FloorPose, keys: &[Key; 5], u: f32) -> Foot {
     let (position, pitch) = through(keys, u);
     let at = root.offset(position[0], position[2]);
     let facing = swing.from.mix(swing.to, smooth(u)).yaw;
-    // Off the floor the foot turns to where the body faces.
+    // Off the floor the foot turns to the body's facing.
     let yaw = facing + (root.yaw - facing) * arch(u);
     Foot { ankle: [at.x, position[1], at.z], yaw, pitch, airborne: arch(u) }
 }
@@ -194,7 +194,7 @@ fn through(keys: &[Key; 5], u: f32) -> (V3, f32) {
     ([0, 1, 2].map(|axis| channel(&|key| key.position[axis])), channel(&|key| key.pitch))
 }
 
-/// Where a foot rests beside a root: `width` to its side, turned out.
+/// The resting place of a foot: `width` to the side of the root, turned out.
 pub fn rest(root: FloorPose, side: Side, width: f32, toe_out: f32) -> FloorPose {
     root.offset(side.sign() * width, -0.01).turned(side.sign() * toe_out)
 }

@@ -1,4 +1,4 @@
-//! Actions on planted feet: those of the hands, stretching, bowing, squatting, sitting, standing.
+//! Actions on planted feet: of the hands, stretching, bowing, squatting, sitting, standing.
 
 use std::f32::consts::{PI, TAU};
 
@@ -43,7 +43,7 @@ impl Repeats {
     }
 }
 
-/// Which hands act.
+/// The hands that act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hands {
     One(Side),
@@ -66,7 +66,7 @@ impl Hands {
 pub struct Wave {
     pub hands: Hands,
     pub repeats: Repeats,
-    /// 0 beside the chest, 1 above the head.
+    /// 0 at the chest, 1 above the head.
     pub height: f32,
     /// Radians of the forearm's swing.
     pub swing: f32,
@@ -161,7 +161,7 @@ impl Punch {
     }
 }
 
-// Of the whole body.
+// Actions of the whole body.
 
 /// Sitting down on a seat behind, and standing up again or not.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,5 +1,4 @@
-//! Who moves and how: styles of moving with the words for them, a person's own habits, and the posture of a body
-//! that stands at ease so.
+//! Styles of moving with their words, personal habits, and the relaxed posture in a style.
 
 use super::maths::{Blend, Draw, Side};
 
@@ -58,7 +57,7 @@ fn bounded(traits: Traits) -> Traits {
     }
 }
 
-// Styles of moving: what they do to a body.
+// Styles of moving, and their effect on a body.
 
 /// Declares the traits, each with its value in the plain style and one deviation between people.
 macro_rules! traits {
@@ -68,7 +67,7 @@ macro_rules! traits {
             pub struct Traits { $($(#[$meta])* $field,)* }
         }
 
-        /// Those of the plain style.
+        /// The traits of the plain style.
         pub const PLAIN: Traits = Traits { $($field: $plain,)* };
 
         /// One deviation of each trait between people.
@@ -103,7 +102,7 @@ traits! {
     sway: 0.025, 0.006;
     /// Turn of the pelvis in a step.
     twist: 0.09, 0.025;
-    /// Metres of rise and fall in a step, beyond what the legs ask for.
+    /// Extra rise and fall in a step, in metres.
     bounce: 0.008, 0.003;
     /// How high feet are lifted, relative to a usual walker's.
     lift: 1.0, 0.15;
@@ -122,11 +121,11 @@ traits! {
 pub struct Style {
     /// Adjectives and adverbs for it, pair by pair; none for the plain style.
     pub words: &'static [(&'static str, &'static str)],
-    /// What it does, at full strength, to a body.
+    /// Its effect on a body at full strength.
     pub traits: Traits,
 }
 
-/// Declares the styles: weight, words, and the traits that are not those of the plain style.
+/// Declares the styles: weight, words, and the traits that differ from the plain style.
 macro_rules! styles {
     ($($weight:literal, $words:expr, { $($field:ident: $value:expr),* };)*) => {
         /// The styles with their weights: roughly Zipf's law with the plain style first.
@@ -189,7 +188,7 @@ styles! {
     };
 }
 
-// What a body does relative to its root: angles and offsets, without feet.
+// Posture relative to the root: angles and offsets, without feet.
 
 blendable! {
     /// Pelvis, spine and head.

@@ -168,7 +168,7 @@ impl FloorPose {
         Self { x: self.x + c * left + s * forward, z: self.z - s * left + c * forward, ..self }
     }
 
-    /// How far to the left and ahead of `root` this point is: [`FloorPose::offset`] undone.
+    /// Offset of this point to the left and ahead of `root`: the inverse of [`FloorPose::offset`].
     pub fn seen_from(self, root: Self) -> (f32, f32) {
         let (s, c) = root.yaw.sin_cos();
         let (dx, dz) = (self.x - root.x, self.z - root.z);

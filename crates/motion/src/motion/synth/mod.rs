@@ -1,13 +1,12 @@
 //! A seeded generator of human motion: the built-in data set.
 //!
-//! Data flows one way: [`Script`] (who, in what manner, which actions, when) → root path and
-//! footsteps → posture of each frame → joints. The skeleton is the 22-joint one of HumanML3D with
-//! its bone lengths, so bones keep their lengths exactly; feet are planted and legs reach them by
+//! Data flows one way: [`Script`] (person, manner, actions, times) → root path and footsteps → posture of each frame →
+//! joints. The skeleton is HumanML3D's with 22 joints and constant bone lengths; feet are planted and legs reach them by
 //! two-bone inverse kinematics; arms and trunk are angles, so nothing can stretch.
 //!
-//! A clip holds structure at many scales, for models of many sizes to find: noise and breathing
-//! within a frame, gait cycles, a step count and a turn angle, repeated actions that repeat their
-//! own numbers, and a manner that lasts for the whole clip and is named in its captions.
+//! A clip has structure at many scales, for models of many sizes: noise and breathing within a frame, gait cycles, step
+//! counts and turn angles, repeated actions with the same numbers, and a manner that lasts for the whole clip and is
+//! named in its captions.
 //!
 //! Frames: right-handed, y up, the body faces +z and its left is +x. Metres, seconds, radians.
 
@@ -31,7 +30,7 @@ pub use script::Script;
 /// Raised whenever the same seed no longer gives the same clips; part of a data set's digest.
 pub const REVISION: u32 = 1;
 
-/// What must hold for every clip of the generator, on a few hundred of them.
+/// Properties of every clip of the generator, tested on a few hundred.
 #[cfg(test)]
 mod tests {
     use rand_chacha::ChaCha8Rng;

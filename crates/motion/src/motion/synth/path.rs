@@ -1,4 +1,4 @@
-//! The way over the floor: the root's path, and when and where each foot leaves the floor and meets it again.
+//! The root's path over the floor, and the time and place of each footstep.
 
 use super::action::{Act, Action};
 use super::airborne::{Jump, Kick};
@@ -142,7 +142,7 @@ impl<R: Draw> Planner<'_, R> {
         self.feet[side.index()].push(swing);
     }
 
-    /// Where a foot rests beside a root.
+    /// The resting place of a foot next to the root.
     fn resting(&self, root: FloorPose, side: Side) -> FloorPose {
         let traits = &self.manner.traits;
         rest(root, side, traits.width, traits.toe_out)

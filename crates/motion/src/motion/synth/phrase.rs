@@ -1,4 +1,4 @@
-//! What one action is called: a verb and its circumstances, now with more of them, now with less.
+//! Phrases for one action: a verb with more or fewer details.
 
 use super::action::{Act, Action};
 use super::airborne::{Aim, Jump, Kick};
@@ -6,7 +6,7 @@ use super::in_place::{Hands, Punch, Sit, Wave};
 use super::maths::{Draw, Side};
 use super::travel::{Gait, Travel};
 
-/// A verb and what is said about it.
+/// A verb and its details.
 #[derive(Clone, Debug)]
 pub struct Phrase {
     pub verb: Verb,
@@ -265,7 +265,7 @@ fn of_sit(sit: &Sit, rng: &mut impl Draw) -> Phrase {
     phrase
 }
 
-// What actions are called.
+// Phrases of actions.
 
 /// A verb as in "she walks" and as in "before walking".
 pub type Verb = (&'static str, &'static str);

@@ -15,7 +15,7 @@ const LONGEST: usize = 196;
 /// Frames of one token of every tokenizer: clips are whole numbers of tokens.
 const UNIT: usize = 4;
 
-/// Who moves, what they do and when: a clip before it is performed.
+/// The plan of a clip: person, actions and times.
 ///
 /// Sampling takes microseconds; length and captions follow without performing.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,7 +59,7 @@ impl Script {
         self.n_frames
     }
 
-    /// Two or three captions, lower-case, which tell the actions in their order.
+    /// Two or three lower-case captions with the actions in order.
     pub fn captions(&self) -> Vec<String> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.wording);
         (0..rng.int(2, 3)).map(|_| caption(self, &mut rng)).collect()
@@ -164,7 +164,7 @@ const SUBJECTS: [((&str, &str), f32); 6] = [
     (("guy", "he"), 0.5),
 ];
 
-/// Where the style is told.
+/// The position of the style in a caption.
 #[derive(Clone, Copy)]
 enum Telling {
     Adjective,

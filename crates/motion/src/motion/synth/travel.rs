@@ -6,7 +6,7 @@ use super::in_place::Wave;
 use super::manner::{Manner, Posture};
 use super::maths::{Draw, Drive, Side};
 
-/// What kind of steps.
+/// The kind of steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gait {
     Walk,
@@ -159,7 +159,7 @@ impl Travel {
         }
     }
 
-    /// How far the left leg is ahead of the right, -1 to 1.
+    /// Lead of the left leg over the right, -1 to 1.
     fn left_ahead(&self, phase: f32) -> f32 {
         let landing = TAU * (1.0 - self.duty());
         let ahead = (phase - landing).cos();

@@ -1,5 +1,4 @@
-//! [`ModelShape`] and [`Pricing`]: the sizes of a model, and what follows from them: parameters, and FLOPs by three
-//! conventions.
+//! [`ModelShape`] and [`Pricing`]: the sizes of a model, its parameters, and its FLOPs by three conventions.
 
 use std::ops::Range;
 
@@ -54,7 +53,7 @@ pub struct ParamCounts {
     pub text: usize,
     /// The embedding as built: V + 2 rows, for the end and pad tokens.
     pub embedding: usize,
-    /// The head as built: V + 1 outputs, since pad is never predicted; 0 where tied.
+    /// The head as built: V + 1 outputs, since pad is never predicted; 0 if tied.
     pub head: usize,
 }
 
@@ -111,7 +110,7 @@ pub(super) const TINY: ModelShape = ModelShape {
 
 // FLOPs, by three conventions.
 
-/// Which count of FLOPs a budget is spent in and the laws are written in.
+/// The FLOP rule of budgets and laws.
 #[derive(
     Clone,
     Copy,
@@ -144,7 +143,7 @@ impl FlopsRule {
     /// Every rule.
     pub const ALL: [Self; 3] = [Self::OpenAi, Self::SixNd, Self::Exact];
 
-    /// The rule of a name; `None` where there is none.
+    /// The rule of a name; `None` if there is none.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|rule| rule.name() == name)
     }
@@ -235,7 +234,7 @@ pub fn exact_whole(
 
 // [`Pricing`]: what a generator takes, and [`Context`]: what surrounds it.
 
-/// What surrounds a generator, of which its kind takes what it needs.
+/// The context of a generator; a kind uses the parts that it needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Context {
     /// Tokens of the longest text.
@@ -279,7 +278,7 @@ impl ClipShape {
     }
 }
 
-/// What steps count of a clip.
+/// The unit of a step's count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Places {
     pub count: usize,
@@ -287,7 +286,7 @@ pub struct Places {
     pub tokens_each: usize,
 }
 
-/// What a generator takes, before it is built.
+/// The cost of a generator, before it is built.
 pub trait Pricing {
     /// The word in files: `autoregressive`.
     fn name(&self) -> &'static str;
@@ -301,7 +300,7 @@ pub trait Pricing {
     /// Forward FLOPs a supervised token by every convention, after a text of `prefix` tokens.
     fn flops_per_token(&self, codes: &Grid, prefix: usize) -> FlopsPerToken;
 
-    /// What steps count of a clip of so many frames: its targets.
+    /// The count of a clip by its frames: its targets.
     fn places(&self, codes: &Grid, n_frames: usize) -> Places {
         Places { count: codes.n_targets(n_frames), tokens_each: 1 }
     }

@@ -1,4 +1,4 @@
-//! What the masked transformer takes, and its two stages on codes of several layers.
+//! Cost of the masked transformer, and its two stages on codes of several layers.
 
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
@@ -11,12 +11,12 @@ use super::flops::{
 };
 use crate::spec::Grid;
 
-/// MoMask's generator, resolved: hidden codes from the text and the codes that are not hidden. It is
-/// the autoregressive transformer, parameter for parameter, in which every position sees every other;
-/// the row of the end token's embedding stands for a hidden code.
+/// MoMask's generator, resolved: it predicts hidden codes from the text and the visible codes. It has the parameters of
+/// the autoregressive transformer, but every position attends to every other; the end token's embedding row stands
+/// for a hidden code.
 ///
-/// Codes of several layers, equally long, have a second transformer of the same shape, which makes the
-/// codes of a layer all at once from those of the layers before it.
+/// For several layers of equal length, a second transformer of the same shape predicts all codes of a layer at once
+/// from the layers before it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MaskedSpec {
     pub shape: ModelShape,
@@ -36,8 +36,8 @@ impl MaskedSpec {
 /// Points at which the share that is hidden is looked at.
 const SHARES: usize = 8;
 
-/// How many of `asked` codes of a clip of `n` are hidden, on the mean, where the share cos(π u / 2) of the
-/// clip is, u drawn from 0 to 1, and one of those asked at least.
+/// Mean number of hidden codes among `asked` of a clip of `n`, if the fraction cos(π u / 2) is hidden, u uniform in
+/// 0 to 1, and at least one of those asked.
 fn mean_hidden(n: usize, asked: usize) -> f64 {
     let at = |i: usize| {
         let share = (FRAC_PI_2 * (i as f64 + 0.5) / SHARES as f64).cos();
@@ -68,9 +68,8 @@ impl Pricing for MaskedSpec {
         }
     }
 
-    /// A token is a code that goes through the network, hidden or not. By the OpenAI rule it costs what
-    /// it costs in the autoregressive transformer; the exact count is at full context, with a head for
-    /// every code.
+    /// A token is a code that goes through the network, hidden or not. By the OpenAI rule it costs as much as in the
+    /// autoregressive transformer; the exact count is at full context, with a head for every code.
     fn flops_per_token(&self, codes: &Grid, prefix: usize) -> FlopsPerToken {
         if has_second_stage(codes) {
             return flops_of_two(&self.shape, codes, prefix);
@@ -90,7 +89,7 @@ impl Pricing for MaskedSpec {
         Places { count: self.positions(codes, n_frames), tokens_each }
     }
 
-    /// Every stage sees the whole clip; the first has a head for what is hidden.
+    /// Every stage sees the whole clip; the first applies its head to hidden codes.
     fn exact_of_part(&self, codes: &Grid, clip: ClipShape, supervised: Range<usize>) -> f64 {
         let (shape, n) = (&self.shape, self.positions(codes, clip.n_frames));
         let blocks = |prefix| exact_whole(shape, 0, prefix, n, 0);
@@ -110,16 +109,16 @@ impl Pricing for MaskedSpec {
     }
 }
 
-// What the two stages of a masked generator take together, on codes of several layers.
+// Cost of both stages of a masked generator, on codes of several layers.
 //
-// A place of a clip is two tokens of a step: its code of the first layer, which goes through the first
-// stage, and its code of the layer that is asked for, which goes through the second. So a token goes
-// through one of two transformers of one shape, and C = 6ND holds with N_nv that of one.
+// A position of a clip is two tokens of a step: its code of the first layer, through the first stage, and its code of
+// the drawn layer, through the second. So a token goes through one of two transformers of equal shape, and C = 6ND
+// holds with N_nv of one.
 
 /// Parameters by group. N_v is V·d with the codes of all layers.
 ///
-/// The second stage embeds the layers but the last, and each layer that it is asked for; it has a head
-/// for each layer but the first. Where embeddings are tied, the last layer's alone is a matrix of its own.
+/// The second stage has an embedding for each layer but the last, a vector for each layer it predicts, and a head for
+/// each layer but the first. With tied embeddings, only the last layer's head is a separate matrix.
 fn params_of_two(shape: &ModelShape, codes: &Grid) -> ParamCounts {
     let d = shape.d_model;
     let first = shape.params_of(codes.scales[0].n_vocab);
@@ -136,8 +135,8 @@ fn params_of_two(shape: &ModelShape, codes: &Grid) -> ParamCounts {
     }
 }
 
-/// Forward FLOPs a token: the mean of both stages. By the OpenAI rule a code is chosen from its own
-/// layer's alone; the exact count is that of the longest clip, with a head for every code.
+/// Forward FLOPs per token: the mean of both stages. By the OpenAI rule a code is chosen from its own layer's codes;
+/// the exact count is for the longest clip, with a head for every code.
 fn flops_of_two(shape: &ModelShape, codes: &Grid, prefix: usize) -> FlopsPerToken {
     let d = shape.d_model as f64;
     let n_places = shape.n_ctx - prefix;
@@ -152,7 +151,7 @@ fn flops_of_two(shape: &ModelShape, codes: &Grid, prefix: usize) -> FlopsPerToke
     }
 }
 
-/// V of a layer after the first; those of a residual quantizer are all alike.
+/// V of a layer after the first; all are equal in a residual quantizer.
 fn mean_later_vocab(codes: &Grid) -> f64 {
     let later = &codes.scales[1..];
     later.iter().map(|scale| scale.n_vocab).sum::<usize>() as f64 / later.len() as f64

@@ -18,13 +18,13 @@ pub use scalewise::{ScalewiseSpec, exact_of_clip};
 
 use super::Grid;
 
-/// A generator, resolved: what is hashed.
+/// A generator, resolved for hashing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum GeneratorSpec {
     /// ScaMo's text-prefix transformer: each code from the codes before it.
     Autoregressive(ModelShape),
-    /// MoMask's transformers: hidden codes from those that are not, then layer after layer.
+    /// MoMask's transformers: hidden codes from visible ones, then layer by layer.
     Masked(MaskedSpec),
     /// LG-Tok's transformer: the codes of a scale all at once, given the scales before it.
     Scalewise(ScalewiseSpec),
@@ -37,8 +37,8 @@ pub enum GeneratorKind {
     /// ScaMo's text-prefix transformer: each code from the codes before it.
     #[default]
     Autoregressive,
-    /// MoMask's transformer: hidden codes from those that are not, and residual layers by a second
-    /// transformer; wants codes of one length. Its loss is a bound.
+    /// MoMask's transformer: hidden codes from visible ones, and residual layers by a second transformer; needs
+    /// layers of equal length. Its loss is a bound.
     Masked,
     /// LG-Tok's transformer: the codes of a scale all at once, given the scales before it; wants a
     /// quantizer of several scales.
@@ -77,11 +77,11 @@ impl GeneratorKind {
     }
 }
 
-/// Of how many scales a generator makes codes.
+/// The scales that a generator supports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scales {
     Any,
-    /// Of one, or of several that are equally long.
+    /// One, or several of equal length.
     OneLength,
     Several,
 }
@@ -99,7 +99,7 @@ impl Deref for GeneratorSpec {
 }
 
 impl GeneratorSpec {
-    /// Its layers and widths, to be changed.
+    /// Its layers and widths, mutable.
     pub fn shape_mut(&mut self) -> &mut ModelShape {
         match self {
             Self::Autoregressive(shape) => shape,
@@ -108,7 +108,7 @@ impl GeneratorSpec {
         }
     }
 
-    /// Peak bytes that a training process has to itself; files that it maps are shared, and left out.
+    /// Peak private bytes of a training process, without mapped files, which are shared.
     ///
     /// Weights, gradients, both moments and the new weights; the head's weights in panels, both ways
     /// round; what the backward pass keeps of each block for its rows (the inputs of both halves,
@@ -116,8 +116,8 @@ impl GeneratorSpec {
     /// activation); one block's for the rows that are measured together; a few rows' logits.
     ///
     /// Measured on 173 runs of widths 8 to 256, 64 to 64,000 codes and batches of 64 to 2048: 23 to
-    /// 341 MB, 0.72 to 1.31 of it predicted, 94 % of them within 20 %. What is off is runs of less than
-    /// 55 MB, by pieces that the allocator keeps.
+    /// 341 MB; the prediction is 0.72 to 1.31 of that, within 20 % for 94 %. The others are runs below 55 MB, dominated by
+    /// fragments of the allocator.
     pub fn peak_bytes(&self, codes: &Grid, batch_tokens: usize) -> u64 {
         let (shape, params, n_vocab) = (self.shape(), self.params(codes), codes.n_vocab() as f64);
         let (d, targets) = (shape.d_model as f64, batch_tokens as f64);
@@ -140,14 +140,14 @@ impl GeneratorSpec {
 /// Targets a forward pass of evaluation at most, but for a single clip.
 pub const TARGETS_PER_PASS: usize = 2048;
 
-/// What the runtime of a worker takes before it holds a model.
+/// Memory of a worker's runtime without a model.
 const BASE_BYTES: f64 = 26e6;
 
 /// Positions trained or measured for each target: prefixes come on top.
 const POSITIONS_PER_TARGET: f64 = 1.8;
 
-/// What memory takes beyond what is asked for, since lengths are rounded up: of what is kept for the
-/// backward pass, and of what comes and goes while a split is measured.
+/// Overhead of rounding up allocations: of tensors kept for the backward pass, and of temporary ones while a split is
+/// measured.
 const ROUNDED: f64 = 1.1;
 const ROUNDED_MEASURED: f64 = 1.5;
 
@@ -157,7 +157,7 @@ const FLOATS_PER_PARAMETER: f64 = 5.5;
 /// Rows of which the head holds the logits at once.
 const HEAD_ROWS: f64 = 256.0;
 
-// What the text-prefix transformer takes.
+// Cost of the text-prefix transformer.
 
 impl Pricing for ModelShape {
     fn name(&self) -> &'static str {

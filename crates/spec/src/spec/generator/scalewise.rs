@@ -1,4 +1,4 @@
-//! What the scale-by-scale transformer takes.
+//! Cost of the scale-by-scale transformer.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ pub struct ScalewiseSpec {
     pub shape: ModelShape,
     /// Channels of the tokenizer's latents, which inputs are made of.
     pub d_latent: usize,
-    /// Frames that one of these stands for.
+    /// Frames per latent.
     pub frames_per_latent: usize,
     /// Latents of the longest clip: lengths that have an embedding.
     pub most_latents: usize,
@@ -44,8 +44,7 @@ impl ScalewiseSpec {
         codes.lengths(self.most_latents * self.frames_per_latent).collect()
     }
 
-    /// Codes that a code is chosen from, on the mean over the codes of the longest clip: each scale has
-    /// a head of its own.
+    /// Mean number of codes to choose from, over the codes of the longest clip: each scale has its own head.
     fn mean_vocab(&self, codes: &Grid) -> f64 {
         let lengths = self.longest(codes);
         let choices = codes.scales.iter().zip(&lengths).map(|(scale, n)| scale.n_vocab * n);
@@ -75,8 +74,8 @@ impl Pricing for ScalewiseSpec {
         }
     }
 
-    /// By the OpenAI rule as for any generator, but that a code is chosen from its own scale's alone.
-    /// The exact count is that of the longest clip after a text of `prefix` tokens.
+    /// By the OpenAI rule as for any generator, except that a code is chosen from its own scale's codes. The exact
+    /// count is for the longest clip after a text of `prefix` tokens.
     fn flops_per_token(&self, codes: &Grid, prefix: usize) -> FlopsPerToken {
         let (shape, lengths) = (&self.shape, self.longest(codes));
         let head = 2.0 * shape.d_model as f64 * self.mean_vocab(codes);
@@ -88,7 +87,7 @@ impl Pricing for ScalewiseSpec {
         }
     }
 
-    /// The whole clip goes through the network; each scale has a head for what is supervised of it.
+    /// The whole clip goes through the network; the head of each scale is applied to its supervised codes.
     fn exact_of_part(&self, codes: &Grid, clip: ClipShape, supervised: Range<usize>) -> f64 {
         let lengths: Vec<usize> = codes.lengths(clip.n_frames).collect();
         let mut start = 0;
@@ -103,11 +102,11 @@ impl Pricing for ScalewiseSpec {
     }
 }
 
-/// Forward FLOPs of one clip of the model as built: two for each multiply-add of its products.
+/// Forward FLOPs of one clip by the model as built: two per multiply-add of its products.
 ///
-/// `prefix` text positions see each other, the codes of a scale (`lengths`) what lies before them and
-/// each other; of each scale so many (`supervised`) go through its head. The tokenizer's part, which
-/// is not learned, is not counted, like the text encoder's.
+/// `prefix` text positions attend to each other; the codes of a scale (`lengths`) attend to everything before them and
+/// to each other; `supervised` codes of each scale go through its head. The frozen tokenizer and text encoder are
+/// not counted.
 pub fn exact_of_clip(
     spec: &ScalewiseSpec,
     codes: &Grid,

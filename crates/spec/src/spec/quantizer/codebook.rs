@@ -10,7 +10,7 @@ use crate::units::{Ways, named, number};
 /// Codes beyond which a codebook is taken for a slip of the pen.
 const MOST_CODES: usize = 1 << 24;
 
-/// A codebook, resolved: what is hashed.
+/// A codebook, resolved for hashing.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum CodebookSpec {
@@ -36,7 +36,7 @@ pub enum CodebookKind {
 #[error("{problem}")]
 pub struct VocabularyError {
     pub problem: String,
-    /// How to mend it.
+    /// The remedy.
     pub help: Option<String>,
 }
 
@@ -123,7 +123,7 @@ impl CodebookSpec {
     }
 }
 
-// FSQ's levels: which ones stand for a codebook size, and the mixed-radix numbers they make.
+// FSQ's levels for a codebook size, and their mixed-radix numbers.
 
 /// ScaMo Table 8: the size a set of levels is named after, and the levels.
 ///
@@ -140,7 +140,7 @@ const TABLE: [(usize, &[usize]); 9] = [
     (65536, &[8, 8, 8, 5, 5, 5]),
 ];
 
-/// The levels for a codebook size, nominal (256) or real (240); `None` where ScaMo has none.
+/// The levels for a codebook size, nominal (256) or real (240); `None` if ScaMo has none.
 pub fn levels_for(nominal: usize) -> Option<&'static [usize]> {
     let wanted =
         |&&(name, levels): &&(usize, &[usize])| name == nominal || n_codes(levels) == nominal;

@@ -13,7 +13,7 @@ pub use codebook::{
 };
 pub use section::{QuantizerKind, QuantizerSection};
 
-/// A quantizer, resolved: what is hashed.
+/// A quantizer, resolved for hashing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum QuantizerSpec {
@@ -21,9 +21,9 @@ pub enum QuantizerSpec {
     Fsq { levels: Vec<usize> },
     /// Vector quantization, its codebook learned by moving averages.
     Vq { n_vocab: usize },
-    /// Codebooks after one another, each of what those before it leave over.
+    /// Codebooks in sequence, each for the residual of the previous ones.
     Residual(ResidualSpec),
-    /// Codebooks of several lengths, each of what those before it leave over.
+    /// Codebooks of several lengths, each for the residual of the previous ones.
     Multiscale(MultiscaleSpec),
 }
 
@@ -33,9 +33,9 @@ pub enum QuantizerSpec {
 pub struct ResidualSpec {
     /// Codebooks, one code of each for a latent.
     pub layers: usize,
-    /// What each of them is.
+    /// The kind of each.
     pub codebook: CodebookSpec,
-    /// How often a training step uses only the first layers, a random number of them.
+    /// Probability that a training step uses only a random number of the first layers.
     pub dropout: f64,
 }
 
@@ -120,7 +120,7 @@ impl QuantizerSpec {
         }
     }
 
-    /// The latents of the longest scale of a fixed length; 0 where there is none.
+    /// The latents of the longest scale of a fixed length; 0 if there is none.
     pub fn longest_scale(&self) -> usize {
         match self {
             Self::Multiscale(own) => own.scales.iter().copied().max().unwrap_or(0),
@@ -181,7 +181,7 @@ pub struct Scale {
     pub length: Length,
 }
 
-/// How many codes a clip has on a scale.
+/// The number of codes of a clip on a scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Length {
@@ -223,12 +223,12 @@ impl Grid {
         self.lengths(n_frames).sum()
     }
 
-    /// What a generator predicts of a clip of so many frames: its codes and the end token.
+    /// The targets of a clip by frames: its codes and the end token.
     pub fn n_targets(&self, n_frames: usize) -> usize {
         self.n_codes(n_frames) + usize::from(self.end_token)
     }
 
-    /// The frames that so many codes of the first scale stand for; `None` where that depends on the clip.
+    /// Frames covered by a number of codes of the first scale; `None` if that depends on the clip.
     pub fn frames_of(&self, n_first: usize) -> Option<usize> {
         match self.scales.first()?.length {
             Length::FramesPerCode(frames) => Some(frames * n_first),
@@ -236,13 +236,25 @@ impl Grid {
         }
     }
 
-    /// The frames that a code stands for, over all scales; `None` where that depends on the clip.
+    /// Frames per code, over all scales; `None` if that depends on the clip.
     pub fn frames_per_code(&self) -> Option<f64> {
         let per_frame = self.scales.iter().map(|scale| match scale.length {
             Length::FramesPerCode(frames) => Some(1.0 / frames as f64),
             Length::Codes(_) => None,
         });
         Some(1.0 / per_frame.sum::<Option<f64>>()?)
+    }
+}
+
+impl Scale {
+    /// Whether it has codes that can be counted, and one stands for a frame or more.
+    pub fn is_sound(&self) -> bool {
+        let most = u32::MAX as usize;
+        let is_length = match self.length {
+            Length::FramesPerCode(frames) => frames > 0,
+            Length::Codes(codes) => codes <= most,
+        };
+        is_length && (1..=most).contains(&self.n_vocab)
     }
 }
 

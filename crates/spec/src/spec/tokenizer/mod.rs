@@ -1,4 +1,4 @@
-//! [`TokenizerSpec`]: everything that a tokenizer follows from, beside its data.
+//! [`TokenizerSpec`]: the full specification of a tokenizer, without its data.
 
 mod architecture;
 mod training;
@@ -17,12 +17,12 @@ pub use transformer::{
 };
 
 use super::{
-    CodebookKind, CodebookSpec, Grid, QuantizerKind, QuantizerSection, QuantizerSpec,
-    Representation, ResidualSpec, SpecError, TextSpec, require, require_all,
+    CodebookKind, CodebookSpec, Grid, KeyProblem, QuantizerKind, QuantizerSection, QuantizerSpec,
+    Representation, ResidualSpec, SpecError, TextSpec, out_of_range, require, require_all,
 };
 use crate::units::or_default;
 
-/// A tokenizer, resolved: what is hashed.
+/// A tokenizer, resolved for hashing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TokenizerSpec {
@@ -32,7 +32,7 @@ pub struct TokenizerSpec {
     #[serde(skip_serializing_if = "crate::units::is_default")]
     pub representation: Representation,
     pub training: TokenizerTraining,
-    /// None where all steps are taken and the last weights kept.
+    /// `None` if all steps are taken and the last weights kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plateau: Option<Plateau>,
     /// Left out of ids and files for the built-in trainer.
@@ -49,7 +49,7 @@ impl TokenizerSpec {
         self.quantizer.n_vocab()
     }
 
-    /// Patches of training clips that it begins from, where the pool has as many; none where it begins
+    /// Patches of training clips that it begins from, where the pool has as many; none if it begins
     /// from no data.
     pub fn begun_from(&self) -> Option<BegunFrom> {
         let ArchitectureSpec::Patch(patch) = &self.architecture else { return None };
@@ -96,9 +96,15 @@ impl TokenizerSpec {
     /// # Errors
     /// [`SpecError`].
     pub fn check(&self) -> Result<(), SpecError> {
+        let numbers = out_of_range::<TokenizerSection>(&self.architecture).into_iter();
+        let mut numbers = numbers.chain(out_of_range::<TokenizerSection>(&self.training));
+        numbers.next().map_or(Ok(()), |KeyProblem { field, problem, .. }| {
+            Err(SpecError { field, problem })
+        })?;
         self.architecture.check()?;
         let quantizer = self.quantizer.clone().checked();
-        quantizer.map_err(|error| SpecError { field: "quantizer", problem: error.problem })?;
+        quantizer
+            .map_err(|error| SpecError { field: "quantizer".into(), problem: error.problem })?;
         self.check_window()?;
         self.check_captions()?;
         self.plateau.map_or(Ok(()), |plateau| plateau.check(self.training.steps))?;
@@ -196,7 +202,7 @@ fn of_patches(section: QuantizerSection) -> QuantizerSection {
     QuantizerSection { mix, ..section }
 }
 
-/// A size that every kind of codebook has: what a section is checked with.
+/// A size valid for every kind of codebook, to check a section.
 const ANY_SIZE: usize = 64;
 
 impl TokenizerSection {
@@ -350,7 +356,6 @@ mod tests {
         let section = QuantizerKind::Vq.section();
         let bad = [
             (with(|s| s.window = Some(30)), "window"),
-            (with(|s| s.lr = Some(f64::NAN)), "lr"),
             (with(|s| s.lr = Some(0.0)), "lr"),
             (with(|s| s.down = Some(0)), "down"),
             (with(|s| s.beta_2 = Some(1.0)), "beta_2"),

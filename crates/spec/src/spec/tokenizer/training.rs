@@ -1,4 +1,4 @@
-//! How a tokenizer is trained, and the `tokenizer` section of a sweep file, which has the same keys.
+//! The training of a tokenizer, and the `tokenizer` section of a sweep file, with the same keys.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,7 @@ use crate::units::section;
 
 plain!(Plateau, TokenizerKind, TokenizerTrainer, TokenizerLoss, TokenizerSchedule);
 
-/// Who trains the tokenizers.
+/// The trainer of the tokenizers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TokenizerTrainer {
@@ -30,7 +30,7 @@ impl TokenizerTrainer {
     }
 }
 
-/// Which tokenizer, as it is written in a sweep file.
+/// The kind of tokenizer, as in a sweep file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum TokenizerKind {
@@ -50,15 +50,15 @@ pub enum TokenizerKind {
     Transformer,
 }
 
-/// What a tokenizer's training makes small.
+/// The loss of a tokenizer's training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum TokenizerLoss {
     /// Smooth L1 of the normalised features, and of the joints' positions once more (T2M-GPT).
     #[default]
     Features,
-    /// Distances of the joints in metres, with the true heading and with the tokenizer's own, beside
-    /// the features and the joints' velocities. Clips shorter than a window take part.
+    /// Distances of the joints in metres, with the true heading and with the tokenizer's own, plus features and
+    /// joint velocities. Clips shorter than a window are included.
     Joints,
 }
 
@@ -109,9 +109,9 @@ macro_rules! keys {
             /// The `tokenizer` section: a tokenizer of this kind is trained for each vocabulary and seed.
             pub struct TokenizerSection {
                 kind: TokenizerKind = TokenizerKind::default();
-                /// Who trains the tokenizers.
+                /// The trainer of the tokenizers.
                 trainer: TokenizerTrainer = TokenizerTrainer::default(), unless "TokenizerTrainer::is_built_in";
-                /// Which quantizer: FSQ by default, VQ for patches.
+                /// The quantizer: FSQ by default, VQ for patches.
                 quantizer: Option<QuantizerSection> = None, unless "Option::is_none";
                 /// The features of a frame that are read and made.
                 representation: Representation = Representation::default(), unless "crate::units::is_default";
@@ -125,8 +125,8 @@ macro_rules! keys {
                 frames: Option<usize> = None, 1 to 64, unless "Option::is_none";
                 /// Patches and transformers: channels of a latent, 32; 512 in LG-Tok.
                 latent: Option<usize> = None, 1 to 8192, unless "Option::is_none";
-                /// Patches: residual blocks of the encoder, 3; without any, a code is made of its own
-                /// frames alone.
+                /// Patches: residual blocks of the encoder, 3; with 0, a code depends only on its own
+                /// frames.
                 encoder_blocks: Option<usize> = None, 0 to 64, unless "Option::is_none";
                 /// Patches: residual blocks of the decoder, 4.
                 decoder_blocks: Option<usize> = None, 0 to 64, unless "Option::is_none";
@@ -139,16 +139,15 @@ macro_rules! keys {
                 layers: Option<usize> = None, 1 to 127, unless "Option::is_none";
                 /// Transformers: heads of attention, 4.
                 heads: Option<usize> = None, 1 to 128, unless "Option::is_none";
-                /// Transformers: where RMSNorm stands, `post`.
+                /// Transformers: the position of RMSNorm, `post`.
                 norm: Option<NormPlacement> = None, unless "Option::is_none";
-                /// Transformers: how a row knows its place, `learned`.
+                /// Transformers: the encoding of positions, `learned`.
                 positions: Option<Positions> = None, unless "Option::is_none";
                 /// Transformers: how the detokenizer's frames see latents and text, `cross`.
                 detokenizer: Option<Detokenizer> = None, unless "Option::is_none";
-                /// Transformers: share of what each part of a layer adds that training drops: 0; 0.1 in
-                /// LG-Tok.
+                /// Transformers: dropout on the output of each part of a layer: 0; 0.1 in LG-Tok.
                 dropout: Option<f64> = None, 0 to 0.999, unless "Option::is_none";
-                /// Transformers: which halves see the clip's caption; none where it is left out.
+                /// Transformers: which halves see the clip's caption; none if it is left out.
                 language: Option<LanguageSection> = None, unless "Option::is_none";
                 /// Ends training at the plateau of the validation split; left out, all steps are taken and the
                 /// last weights kept.
@@ -164,7 +163,7 @@ macro_rules! keys {
         }
 
         impl TokenizerSection {
-            /// How its tokenizers are trained, where `defaults` stand for what it leaves out.
+            /// The training of its tokenizers, with `defaults` for missing keys.
             pub(super) fn training_over(&self, defaults: TokenizerTraining) -> TokenizerTraining {
                 TokenizerTraining { $($key: self.$key.unwrap_or(defaults.$key),)* }
             }
@@ -173,8 +172,8 @@ macro_rules! keys {
 }
 
 keys! {
-    /// Frames of a training window, whole latents: 64, for patches 96; more where a scale has more codes
-    /// than that has latents.
+    /// Frames of a training window, whole latents: 64, for patches 96; more if a scale has more codes
+    /// than the window has latents.
     window: usize = 64, 96, 1 to 16_384;
     /// Windows a step: 32, for patches 24.
     batch: usize = 32, 24, 1 to 65_536;
@@ -188,9 +187,9 @@ keys! {
     schedule: TokenizerSchedule = TokenizerSchedule::Step, TokenizerSchedule::Cosine;
     /// Share of the steps after which a rate falls at once: 0.8; 0.6 in ScaMo.
     decay_at: f64 = 0.8, 0.8, 0 to 1;
-    /// What the rate is multiplied by in the end: 0.05, for patches 0.02.
+    /// Final factor of the rate: 0.05, for patches 0.02.
     decay_factor: f64 = 0.05, 0.02, 0 to 1;
-    /// What training makes small: `features`, for patches `joints`.
+    /// The loss: `features`, for patches `joints`.
     loss: TokenizerLoss = TokenizerLoss::Features, TokenizerLoss::Joints;
     /// Weight of the joints' positions in the loss of features: 0.5.
     position_weight: f64 = 0.5, 0.5, 0 to 1e6;
@@ -204,8 +203,8 @@ keys! {
     root_weight: f64 = 0.0, 0.0, 0 to 1e6, unless "crate::units::is_default";
     /// VQ and scales: weight of the squared distance from latents to their codes: 0.02, for patches 1.
     commitment: f64 = 0.02, 1.0, 0 to 1e6;
-    /// VQ: a code that is met less often than this share of the mean is placed anew: 0.025 for patches.
-    /// 0 stands for T2M-GPT's rule, less than one latent a step.
+    /// VQ: a code used less often than this fraction of the mean is reset: 0.025 for patches.
+    /// 0 is T2M-GPT's rule, less than one latent per step.
     reset_share: f64 = 0.0, 0.025, 0 to 0.999;
     /// Decay of the moving average of the weights that is kept in the end: none, for patches 0.998.
     average: f64 = 0.0, 0.998, 0 to 0.9999999;
@@ -223,15 +222,15 @@ keys! {
     weight_decay: f64 = 0.0, 0.01, 0 to 1e3;
     /// Norm that gradients are scaled down to: none, for patches 1; 0 for none.
     clip_norm: f64 = 0.0, 1.0, 0 to 1e6;
-    /// Clips of the training split that are held in memory and trained on: 2048.
+    /// Training clips kept in memory and trained on: 2048.
     pool_clips: usize = 2048, 2048, 1 to 10_000_000;
     /// Seed of the weights, the pool and the windows: 0.
     seed: u64 = 0, 0, 0 to 18_446_744_073_709_551_615u64;
 }
 
 impl TokenizerTraining {
-    /// The defaults of transformers: those of patches in smaller batches, with latents that are free to
-    /// grow, as they begin small, and without what would part a clip from its caption.
+    /// The defaults of transformers: those of patches with smaller batches, without a limit on latents, which start
+    /// small, and without augmentation that would no longer match captions.
     pub fn of_transformers() -> Self {
         let (window, batch, steps, commitment) = (64, 16, 2000, 0.02);
         let (mirror, mix_body, mix_arm) = (false, 0.0, 0.0);
@@ -255,22 +254,10 @@ impl TokenizerTraining {
 
     /// The first field that no training can use.
     pub(super) fn check(&self) -> Result<(), SpecError> {
-        let at_least_0 = |x: f64| x.is_finite() && x >= 0.0;
-        let below_1 = |x: f64| (0.0..1.0).contains(&x);
-        let share = |x: f64| (0.0..=1.0).contains(&x);
         let joints = |x: f64| x == 0.0 || self.loss == TokenizerLoss::Joints;
-        let (between, of_joints) = ("lies between 0 and 1", "belongs to `loss: joints`");
         require_all(each! {
             self;
-            |n| n > 0, "must be at least 1" => batch, steps, pool_clips;
-            at_least_0, "must not be negative" => lr, decay_at, decay_factor, position_weight,
-                feature_weight, velocity_weight, acceleration_weight, root_weight, commitment, weight_decay, clip_norm;
-            |rate| rate > 0.0, "a rate is above 0" => lr;
-            below_1, "lies in [0, 1)" => beta_1, beta_2, average, reset_share;
-            share, between => mix_body;
-            joints, of_joints => mix_body;
-            share, between => mix_arm;
-            joints, of_joints => mix_arm;
+            joints, "belongs to `loss: joints`" => mix_body, mix_arm;
         })
     }
 }
@@ -291,8 +278,7 @@ impl Plateau {
     /// The first setting that no training of so many steps can use.
     pub(super) fn check(&self, steps: usize) -> Result<(), SpecError> {
         let evaluated = (1..=steps).contains(&self.evaluations);
-        require(evaluated, "plateau.evaluations", "lies between 1 and the steps")?;
-        require(self.patience > 0, "plateau.patience", "must be at least 1")
+        require(evaluated, "plateau.evaluations", "lies between 1 and the steps")
     }
 }
 

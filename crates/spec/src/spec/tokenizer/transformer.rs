@@ -13,14 +13,14 @@ plain!(LanguagePlace, LanguageSection, NormPlacement, Positions, Detokenizer);
 /// Hidden features of SwiGLU as a multiple of the width.
 pub const SWIGLU_RATIO: usize = 4;
 
-/// Features of a frame, and those that the encoder sees: the root and the joints' positions.
+/// Features of a frame, and the part that the encoder reads: the root and the joint positions.
 const N_FEATURES: f64 = 263.0;
 const N_SEEN: f64 = 67.0;
 
-/// Words of a caption, where the cost of captions is estimated.
+/// Words per caption, to estimate the cost of captions.
 const WORDS: f64 = 12.0;
 
-/// The sizes of the transformer tokenizer, which has as many layers in each half.
+/// The sizes of the transformer tokenizer, with equally many layers in each half.
 ///
 /// Those of LG-Tok's paper: `width: 256, layers: 9, heads: 4` (SwiGLU of 1024), `latent: 512`,
 /// `window: 196`, `dropout: 0.1`, trained at a rate of 2e-4 for 200 epochs. The defaults train in
@@ -33,23 +33,23 @@ pub struct TransformerSpec {
     /// Layers of each half: as many before the middle one as after it.
     pub layers: usize,
     pub heads: usize,
-    /// Frames that a latent stands for.
+    /// Frames per latent.
     pub frames: usize,
     /// Channels of a latent.
     pub latent: usize,
-    /// Frames that are seen at once: those of a training window. A longer clip goes through in pieces.
+    /// Frames in one window, as in training. A longer clip is processed in pieces.
     pub span: usize,
     pub norm: NormPlacement,
     pub positions: Positions,
     pub detokenizer: Detokenizer,
-    /// Share of what each part of a layer adds that is dropped in training.
+    /// Dropout on the output of each part of a layer.
     pub dropout: f64,
-    /// Which halves see a caption; `None` where neither does.
+    /// The halves that read a caption; `None` if neither does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub language: Option<LanguageSpec>,
 }
 
-/// Where RMSNorm stands in a layer.
+/// The position of RMSNorm in a layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum NormPlacement {
@@ -60,15 +60,15 @@ pub enum NormPlacement {
     Pre,
 }
 
-/// How a row knows its place.
+/// The encoding of positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Positions {
-    /// One rotary index runs over text, latents and motion; frames and latents of the detokenizer
-    /// have learned vectors beside it. LG-Tok's, but that its latents have none.
+    /// One rotary index over text, latents and motion; frames and latents of the detokenizer also have
+    /// learned vectors. LG-Tok's, except that its latents have none.
     #[default]
     Learned,
-    /// Rotary alone: a latent stands at the middle of its frames, in both halves and in the
+    /// Only rotary: a latent has the position of the middle of its frames, in both halves and in the
     /// attention from frames to latents.
     Rotary,
 }
@@ -80,7 +80,7 @@ pub enum Detokenizer {
     /// By cross-attention in each layer, as LG-Tok's code has it.
     #[default]
     Cross,
-    /// As rows beside them: every row sees every other.
+    /// In the same sequence: every row attends to every other.
     Context,
 }
 
@@ -105,18 +105,14 @@ impl Default for TransformerSpec {
 impl TransformerSpec {
     /// The first field that no training can use.
     pub(super) fn check(&self) -> Result<(), SpecError> {
-        let Self { width, layers, heads, frames, latent, span, dropout, .. } = self;
-        require(*width > 0, "width", "at least one channel")?;
-        require(*latent > 0, "latent", "at least one channel")?;
+        let Self { width, layers, heads, frames, span, .. } = self;
         let odd = "must be odd: as many before the middle one as after it";
         require(layers % 2 == 1, "layers", odd)?;
-        let divides = *heads > 0 && width.is_multiple_of(*heads);
+        let divides = width.is_multiple_of(*heads);
         require(divides, "heads", &format!("{heads} heads do not divide a width of {width}"))?;
         let even = (width / heads).is_multiple_of(2);
         require(even, "heads", "RoPE turns pairs of channels, so width / heads must be even")?;
-        require((1..=64).contains(frames), "frames", "must be 1 to 64")?;
         require(*span > 0 && span.is_multiple_of(*frames), "window", "must be whole codes")?;
-        require((0.0..1.0).contains(dropout), "dropout", "lies in [0, 1)")?;
         self.language.as_ref().map_or(Ok(()), LanguageSpec::check)
     }
 
@@ -190,16 +186,16 @@ pub enum LanguagePlace {
 }
 
 section! {
-    /// The `tokenizer.language` section: the clip's caption beside its motion (LG-Tok).
+    /// The `tokenizer.language` section: the clip's caption as a further input (LG-Tok).
     pub struct LanguageSection {
         /// The halves that see it: both, one, or none.
         at: Vec<LanguagePlace> = vec![LanguagePlace::Tokenizer, LanguagePlace::Detokenizer];
-        /// How often a training step leaves a clip's caption out.
-        drop: f64 = 0.1;
+        /// Probability that a training step omits a clip's caption.
+        drop: f64 = 0.1, 0 to 0.999;
     }
 }
 
-/// Which halves see a caption, and how wide it is: what is hashed.
+/// The halves that read a caption, and its width, for hashing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LanguageSpec {
@@ -213,7 +209,7 @@ pub struct LanguageSpec {
 }
 
 impl LanguageSection {
-    /// The same over the vectors of a text encoder; `None` where no half sees them.
+    /// The same over the vectors of a text encoder; `None` if no half reads them.
     pub(super) fn over(&self, text: &TextSpec) -> Option<LanguageSpec> {
         let mut at = self.at.clone();
         at.sort_unstable();
@@ -230,8 +226,7 @@ impl LanguageSpec {
 
     pub(super) fn check(&self) -> Result<(), SpecError> {
         let twice = self.at.windows(2).any(|pair| pair[0] == pair[1]);
-        require(!twice, "language", "a half stands in `at` twice")?;
-        require((0.0..1.0).contains(&self.drop), "language", "`drop` lies in [0, 1)")
+        require(!twice, "language", "a half stands in `at` twice")
     }
 }
 

@@ -1,5 +1,4 @@
-//! Tables and options that tell little or nothing, and what a person reads of one that is: a clear message or
-//! the right answer, never a silent number.
+//! Degenerate tables and options: a clear message or the right answer, never a silent number.
 
 use super::*;
 use crate::laws::file::AdviceKind;

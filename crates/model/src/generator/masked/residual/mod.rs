@@ -1,12 +1,11 @@
-//! MoMask's second stage, for codes of several layers: the codes of a layer all at once, from the text
-//! and the codes of the layers before it.
+//! MoMask's second stage, for codes of several layers: predicts all codes of a layer from the text and the codes of
+//! earlier layers.
 //!
-//! A place of a clip is one position: the sum of the embeddings of its codes in the layers before, and
-//! a learned vector of the layer that is asked for. Every position of `[text | places]` sees every other.
-//! The network has the shape of the first stage and no parameter of it. MoMask gives the layer as a
-//! position of its own, and takes its heads from the embeddings; here each layer has a head of its own,
-//! as the scales of the scale-by-scale transformer have, but where `model.tie_embeddings` asks for
-//! MoMask's.
+//! The input of a position is the sum of the embeddings of its codes in earlier layers, and a learned vector of the
+//! predicted layer. Every position of `[text | positions]` attends to every other. The network has the shape of the
+//! first stage, but no shared parameters. MoMask gives the layer as a separate position, and ties its heads to the
+//! embeddings; here each layer has its own head, like the scales of the scale-by-scale transformer, unless
+//! `model.tie_embeddings` is set.
 
 mod model;
 
@@ -64,9 +63,9 @@ impl Kind for MaskedResidual {
 
 /// The cross-entropy of hidden codes of the first layer, and of the codes of the others.
 ///
-/// Both stages train side by side on the same clips. A place of a clip is two tokens: its code of the
-/// first layer, hidden or not, and its code of the layer that is drawn for the clip. A step takes the next
-/// `batch_tokens` of them; where that is odd, a place's two tokens stand in two steps.
+/// Both stages train together on the same clips. A position is two tokens: its code of the first layer, hidden or not,
+/// and its code of the layer drawn for the clip. A step takes the next `batch_tokens` of them; if that is odd, a
+/// position's two tokens are split over two steps.
 pub struct TwoStages<'a> {
     spec: &'a RunSpec,
     inputs: &'a Inputs<'a>,
@@ -116,7 +115,7 @@ impl<'a> Objective<'a> for TwoStages<'a> {
         sums.loss()
     }
 
-    /// Of the largest layer: an ignorant model is no worse on another.
+    /// For the largest layer: a uniform guess is no worse on others.
     fn uniform_nats(&self) -> f64 {
         let largest = self.spec.codes.scales.iter().map(|scale| scale.n_vocab).max();
         ((largest.unwrap_or(1) + 1) as f64).ln()
@@ -143,7 +142,7 @@ pub struct StageWeights {
     residual: ResidualTransformer,
 }
 
-/// What a step shows each stage, where it shows it anything.
+/// The input of each stage in a step, if any.
 pub struct StageBatches {
     pub base: Option<Batch>,
     pub later: Option<LayerBatch>,
@@ -154,7 +153,7 @@ pub struct StageBatches {
 pub struct Stages {
     pub base: Model,
     pub residual: ResidualModel,
-    /// The same parameters as those of `base` and `residual`.
+    /// The parameters of `base` and `residual`.
     weights: StageWeights,
     n_layers: usize,
 }
@@ -194,14 +193,12 @@ impl Network for Stages {
         self.weights = weights;
     }
 
-    /// The loss of a step, in nats a code, `[1]`: (1/K) of the mean over the hidden codes of the first
-    /// layer and (K − 1)/K of the mean over the codes that the second stage was asked for.
+    /// The loss of a step, in nats per code, `[1]`: (1/K) of the mean over the hidden codes of the first layer plus
+    /// (K − 1)/K of the mean over the targets of the second stage.
     ///
-    /// Layers that were drawn evenly would so make it the nats a code of the whole stream, apart from
-    /// what `HiddenCodes` says of the first. Of the others each
-    /// weighs as it is drawn. The stages share no parameter, so that the weight of either tells on the
-    /// other by the norm at which gradients are clipped alone. A step that has codes of one stage has
-    /// that one's mean.
+    /// With uniformly drawn layers this would be the mean nats per code of all layers, up to the weighting of the first by
+    /// `HiddenCodes`; as drawn, each layer has the weight of its probability. The stages share no parameter, so their
+    /// relative weight matters only for gradient clipping. A step with codes of only one stage has that one's mean.
     fn loss(&self, batches: &StageBatches) -> Tensor<1> {
         let first = batches.base.as_ref().map(|batch| self.base.loss(batch));
         let later = batches.later.as_ref().map(|batch| self.residual.loss(batch));
@@ -215,8 +212,8 @@ impl Network for Stages {
 
 // The loss on a split, by layer and as a whole.
 //
-// Of the first layer a bound is measured, of each later one the likelihood, given the codes of the
-// layers before it: their sum is a bound on the nats of all codes.
+// For the first layer a bound is measured, for each later one the likelihood given earlier layers: their sum is a bound
+// on the nats of all codes.
 
 /// Takes in −ln p of the codes of each layer after the first.
 fn later_layers(model: &ResidualModel, grid: &Grid, inputs: &Inputs, sums: &mut SplitSums) {

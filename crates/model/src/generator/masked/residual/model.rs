@@ -56,14 +56,14 @@ pub struct LayerBatch {
     pub layout: Arc<SequenceLayout>,
     /// `[n_text_rows, d_text]`, all prefixes after one another.
     pub text: Vec<f32>,
-    /// The row of the embedding that each layer adds to each place, layer after layer,
-    /// `[layers, n_place_rows]`; the row after the last where the layer is not shown.
+    /// The embedding row that each layer adds to each position, layer by layer, `[layers, n_place_rows]`; the row after the
+    /// last if the layer is hidden.
     pub shown: Arc<[u32]>,
     /// The layer that is asked for at each place, from 0 for the second: `[n_place_rows]`.
     pub layers: Arc<[u32]>,
-    /// For each row of the batch, where it comes from: a text row, or `n_text_rows` + a place.
+    /// The source of each row of the batch: a text row, or `n_text_rows` + a position.
     pub order: Arc<[u32]>,
-    /// What is supervised of each layer after the first.
+    /// The supervised codes of each layer after the first.
     pub targets: Vec<Supervised>,
     /// Places of each clip.
     pub n_places: Vec<usize>,
@@ -103,7 +103,7 @@ impl LayerBatch {
     }
 }
 
-/// Rows of the embedding that the layers add to the places of all clips, as far as one is shown.
+/// Embedding rows that visible layers add to the positions of all clips.
 fn shown(clips: &[Asked], grid: &Grid) -> Arc<[u32]> {
     let nothing = rows_of_embedding(grid) as u32;
     let most = clips.iter().map(|clip| clip.layer).max().unwrap_or(0);
@@ -133,7 +133,7 @@ pub fn rows_of_embedding(grid: &Grid) -> usize {
 /// All parameters of the second stage.
 #[derive(Module, Debug)]
 pub struct ResidualTransformer {
-    /// `[V_1 + … + V_{K−1}, d]`: the codes of each layer after those of the one before it.
+    /// `[V_1 + … + V_{K−1}, d]`: the codes of each layer in order.
     embedding: Param<Tensor<2>>,
     /// Added to the places, by the layer that is asked for, `[K − 1, d]`.
     layers: Param<Tensor<2>>,
@@ -142,8 +142,7 @@ pub struct ResidualTransformer {
     text_bias: Param<Tensor<1>>,
     blocks: Vec<Block>,
     norm: Param<Tensor<1>>,
-    /// `[d, V_k]` each, from the second layer on; the last layer's alone where the others are tied to
-    /// the embedding.
+    /// `[d, V_k]` each, from the second layer on; only the last layer's if the others are tied to the embedding.
     heads: Vec<Param<Tensor<2>>>,
 }
 
@@ -168,7 +167,7 @@ impl ResidualTransformer {
     }
 }
 
-/// The second stage with what its forward pass needs beside its parameters.
+/// The second stage with the non-trained inputs of its forward pass.
 #[derive(Clone, Debug)]
 pub struct ResidualModel {
     pub weights: ResidualTransformer,
@@ -215,7 +214,7 @@ impl ResidualModel {
         kernels.logits(x_sd, self.head(layer - 1), EPSILON)
     }
 
-    /// What the blocks make of all rows, `[n, d]`.
+    /// The output of the blocks for all rows, `[n, d]`.
     fn features(&self, batch: &LayerBatch) -> Tensor<2> {
         let ResidualTransformer { text_weight, text_bias, blocks, .. } = &self.weights;
         let text_nd = self.backbone.projected(batch.text.clone(), text_weight, text_bias);
@@ -224,7 +223,7 @@ impl ResidualModel {
         self.backbone.forward(blocks, x_nd, &batch.layout)
     }
 
-    /// The sum of what the layers before add to each place, and the layer that is asked for, `[p, d]`.
+    /// The sum of the embeddings of earlier layers and of the predicted layer at each position, `[p, d]`.
     fn place_rows(&self, batch: &LayerBatch) -> Tensor<2> {
         let Backbone { shape, kernels, device, .. } = &self.backbone;
         let (places, d) = (batch.layers.len(), shape.d_model);

@@ -12,14 +12,13 @@ use crate::ops::own::small_matrices::ROWS;
 use crate::ops::own::{Above, Gradients, Operation};
 use crate::ops::{CrossLayout, CrossOptions, Rope};
 
-/// Where the heads of the sequences lie in rows of queries `[n, d]` and of a memory `[k | v]`,
-/// `[m, 2 d]`.
+/// The layout of heads and sequences in rows of queries `[n, d]` and of a memory `[k | v]`, `[m, 2 d]`.
 #[derive(Clone, Copy)]
 struct CrossHeads<'a> {
     layout: &'a CrossLayout,
     n_head: usize,
     head_dim: usize,
-    /// Of the queries, and of the memory.
+    /// The sequences of the queries, and of the memory.
     ropes: Option<[&'a Rope; 2]>,
 }
 
@@ -45,14 +44,14 @@ impl<'a> CrossHeads<'a> {
 }
 
 impl<'a> CrossHead<'a> {
-    /// Where the head's queries, and its output, lie in `[n, d]`.
+    /// The place of the head's queries, and of its output, in `[n, d]`.
     #[inline(always)]
     fn queries(&self) -> HeadRows {
         let (row, stride) = (self.heads.layout.queries(self.sequence).start, self.heads.d_model());
         HeadRows { start: row * stride + self.column(), stride, columns: self.heads.head_dim }
     }
 
-    /// Where its keys (part 0) or values (part 1) lie in `[m, 2 d]`.
+    /// The place of its keys (part 0) or values (part 1) in `[m, 2 d]`.
     #[inline(always)]
     fn memory(&self, part: usize) -> HeadRows {
         let (row, d) = (self.heads.layout.memory(self.sequence).start, self.heads.d_model());
@@ -108,7 +107,7 @@ impl CrossOptions {
     }
 }
 
-/// Attention to a memory, of queries and `[k | v]`; keeps its inputs and what makes its weights again.
+/// Attention to a memory, of queries and `[k | v]`; keeps its inputs and the statistics to recompute its weights.
 /// See [`Kernels::cross_attend`](crate::ops::Kernels::cross_attend).
 impl Operation<2> for CrossOptions {
     type Kept = ([FlexTensor; 2], Buffer);

@@ -1,5 +1,5 @@
-//! One head of one sequence: what its queries see, where its rows lie in the matrices of all heads, and
-//! their way to a [`Scratch`] and back, queries and keys turned by their positions; see [`Rope`].
+//! One head of one sequence: its mask, its rows in the matrices of all heads, and copies to a [`Scratch`] and back, with
+//! queries and keys rotated by their positions; see [`Rope`].
 
 use std::ops::Range;
 
@@ -7,7 +7,7 @@ use crate::ops::own::lanes::{LANES, Lanes};
 use crate::ops::own::small_matrices::{ROWS, Scratch};
 use crate::ops::{Rope, SequenceLayout};
 
-/// Where the heads of the sequences lie in rows of `[q | k | v]` and of the output.
+/// The layout of heads and sequences in rows of `[q | k | v]` and of the output.
 #[derive(Clone, Copy)]
 pub struct Heads<'a> {
     pub layout: &'a SequenceLayout,
@@ -56,7 +56,7 @@ impl<'a> Heads<'a> {
 }
 
 impl Head<'_> {
-    /// Where the head's part number `part` (0 q, 1 k, 2 v) lies in `[n_rows, 3 d]`.
+    /// The place of the head's part `part` (0 q, 1 k, 2 v) in `[n_rows, 3 d]`.
     #[inline(always)]
     pub fn part(&self, part: usize) -> HeadRows {
         let stride = 3 * self.d_model;
@@ -64,7 +64,7 @@ impl Head<'_> {
         HeadRows { start, stride, columns: self.head_dim() }
     }
 
-    /// Where the head's output lies in `[n_rows, d]`.
+    /// The place of the head's output in `[n_rows, d]`.
     #[inline(always)]
     pub fn output(&self) -> HeadRows {
         let start = self.row * self.d_model + self.column;
@@ -116,7 +116,7 @@ pub trait Sight {
     /// Rows that are seen.
     fn n_keys(&self) -> usize;
 
-    /// How many keys, from the first on, query `q` sees: no fewer than the query before it.
+    /// The number of keys, from the first on, visible to query `q`: no fewer than for the query before it.
     fn visible(&self, q: usize) -> usize;
 
     /// The first query that sees key `k`.
@@ -134,13 +134,13 @@ pub trait Sight {
         first..(first + ROWS).min(self.n_queries())
     }
 
-    /// How many keys each of them sees; rows after the last as many as it.
+    /// The number of keys visible to each; rows after the last repeat it.
     #[inline(always)]
     fn visible_by_row(&self, first: usize) -> [usize; ROWS] {
         std::array::from_fn(|r| self.visible((first + r).min(self.n_queries() - 1)))
     }
 
-    /// Most keys seen by a query of the tile that starts at `first`: those of its last.
+    /// Most keys visible in the tile that starts at `first`: those of its last query.
     #[inline(always)]
     fn visible_in_tile(&self, first: usize) -> usize {
         self.visible(self.rows(first).end - 1)
@@ -182,7 +182,7 @@ fn read<L: Lanes, const WHOLE: bool>(row: &[f32], j: usize) -> L {
     L::read(&row[j..end::<WHOLE>(row, j)])
 }
 
-/// Writes what [`read`] reads.
+/// The inverse of [`read`].
 #[inline(always)]
 fn write<L: Lanes, const WHOLE: bool>(row: &mut [f32], j: usize, vector: L) {
     let end = end::<WHOLE>(row, j);
@@ -209,8 +209,8 @@ impl<'a> Angles<'a> {
     }
 }
 
-/// Turns the pairs of the rows `rows`, where they have angles, and multiplies them by `scale`, into the
-/// first rows of `to`.
+/// Rotates the pairs of the rows `rows`, if they have angles, and multiplies them by `scale`, into the first rows of
+/// `to`.
 #[inline(always)]
 pub fn rotate<L: Lanes>(
     to: &mut Scratch,

@@ -1,13 +1,12 @@
 //! Rotary, prefix-causal attention over packed sequences, one head of one sequence at a time.
 //!
-//! The mask lets a position see the first so many positions of its sequence and no others, so
-//! each row of the score matrix is cut where it ends, and only what lies before the cut is
-//! computed: about half of it for a causal sequence. Rows go through scores, softmax and product a
-//! tile at a time, and the way back makes their weights again from two numbers a row.
+//! A position sees only a prefix of its sequence, so each row of the score matrix is cut at its end, and only the part
+//! before the cut is computed: about half for a causal sequence. Rows go through scores, softmax and product one tile at
+//! a time, and the backward pass recomputes their weights from two numbers per row.
 //!
-//! Rows of weights are zero from their cut to the end of the vector in which the longest row of their
-//! tile is cut, and unspecified after it. That is enough: a tile reads no further than its longest row.
-//! The rows of a causal tile are all cut in one vector, because a vector holds whole tiles.
+//! Rows of weights are zero from their cut to the end of the vector with the cut of the tile's longest row, and
+//! unspecified after it. That is enough: a tile reads no further than its longest row. The rows of a causal tile are all
+//! cut in one vector, because a vector contains whole tiles.
 
 use std::ops::Range;
 
@@ -44,8 +43,7 @@ fn n_kept(heads: Heads<'_>) -> usize {
 
 vectorised! {
     /// Attention of the sequences `sequences` of `qkv` `[n, 3 d]`, into their rows of `output`
-    /// `[n, d]`. If `keep` asks for it, what [`attend_back`] makes the weights from again
-    /// goes to the front of `room`, and it moves on.
+    /// `[n, d]`. If `keep` is set, the statistics for [`attend_back`] go to the front of `room`, which advances.
     fn attend(
         qkv: &[f32],
         heads: Heads<'_>,
@@ -63,8 +61,8 @@ vectorised! {
 }
 
 vectorised! {
-    /// Turns the rows of the sequences `sequences` of `qkv` into the gradient by them, given the
-    /// gradient by the output and what [`attend`] kept, from whose front theirs is taken.
+    /// Replaces the rows of the sequences `sequences` of `qkv` by the gradient by them, given the gradient by the output and
+    /// the statistics kept by [`attend`], taken from the front.
     fn attend_back(
         qkv: &mut [f32],
         heads: Heads<'_>,
@@ -105,7 +103,7 @@ fn load<L: Lanes>(work: &mut Workspace, qkv: &[f32], head: Head<'_>) {
     work.keys_across.set_transposed::<L>(&work.keys, len, head_dim);
 }
 
-/// Attention alone, of `[q | k | v]`; keeps its input and what makes its weights again. See
+/// Attention alone, of `[q | k | v]`; keeps its input and the statistics to recompute its weights. See
 /// [`Kernels::attend`](crate::ops::Kernels::attend).
 impl Operation<1> for AttentionOptions {
     type Kept = (FlexTensor, Buffer);
@@ -133,20 +131,20 @@ impl Operation<1> for AttentionOptions {
 
 // The attention half of a block, a few sequences at a time: x + Attention(RMSNorm(x) W_qkv) W_output.
 //
-// Sequences do not see each other, so a chunk of them goes through the whole half while what it
-// makes is still in the cache.
+// Sequences are independent, so a chunk of them goes through the whole half while its intermediate results are in the
+// cache.
 
 /// Rows of a chunk, but for a longer sequence.
 const CHUNK: usize = 128;
 
-/// What the way back needs beside the input.
+/// The data of the backward pass, besides the input.
 #[derive(Clone, Debug)]
 pub struct Intermediates {
     /// 1 / rms of each row.
     inverses: Buffer,
     /// Queries, keys and values before they are turned, `[n, 3 d]`.
     qkv: Buffer,
-    /// What makes attention's weights from its scores.
+    /// The statistics that give attention's weights from its scores.
     statistics: Buffer,
     /// Attention's output, `[n, d]`.
     mixed: Buffer,

@@ -1,8 +1,8 @@
-//! The passes over one head, a tile of queries at a time: scores, softmax, weighted values, and the way back.
+//! The passes over one head, one tile of queries at a time: scores, softmax, weighted values, and the backward pass.
 //!
-//! On the way back weights are made anew from the scores, to the same bits: that takes less time than to
-//! have them written to memory and read again, and no memory. Softmax goes pass by pass over all rows of
-//! a tile, so that no row waits for another's sum.
+//! The backward pass recomputes weights from the scores, to the same bits: that is faster than writing them to memory
+//! and reading them again, and needs no memory. Softmax goes pass by pass over all rows of a tile, so that no row waits
+//! for another's sum.
 
 use super::heads::{HeadRows, Sight, rotate, rotate_back};
 use crate::ops::own::lanes::{LANES, Lanes};
@@ -134,11 +134,11 @@ pub fn sum_by_keys_and_values<L: Lanes>(work: &mut Workspace, sight: &impl Sight
 struct Tile {
     /// Its first row.
     first: usize,
-    /// Rising; the last is what the tile sees.
+    /// Ascending; the last is the tile's extent.
     visible: [usize; ROWS],
 }
 
-/// What turns the scores of a tile's rows into weights: e^(score − largest) · inverse.
+/// The statistics of a tile's rows: weight = e^(score − largest) · inverse.
 #[derive(Clone, Copy)]
 pub struct Statistics {
     largest: [f32; ROWS],
@@ -149,7 +149,7 @@ impl Statistics {
     /// Numbers that are kept for each row.
     pub const PER_ROW: usize = 2;
 
-    /// Puts those of the first `rows` rows to the front of `room`, which moves on.
+    /// Writes those of the first `rows` rows to the front of `room`, which advances.
     #[inline(always)]
     fn keep(self, rows: usize, room: &mut &mut [f32]) {
         for values in [self.largest, self.inverse] {
@@ -159,7 +159,7 @@ impl Statistics {
         }
     }
 
-    /// Takes those of the first `rows` rows from the front of `kept`; other rows get zeros.
+    /// Reads those of the first `rows` rows from the front of `kept`; other rows get zeros.
     #[inline(always)]
     fn take(rows: usize, kept: &mut &[f32]) -> Self {
         let [mut largest, mut inverse] = [[0.0; ROWS]; 2];
@@ -173,8 +173,8 @@ impl Statistics {
 }
 
 impl Tile {
-    /// Zeros from the vector that a row is cut in to the one that the tile's last row is cut in: none,
-    /// but where a tile holds rows of several blocks.
+    /// Zeros from the vector of a row's cut to the vector of the tile's last cut; needed only if a tile has rows of several
+    /// blocks.
     #[inline(always)]
     fn clear_rest(self, matrix: &mut Scratch) {
         let end = self.visible[ROWS - 1].next_multiple_of(LANES);
@@ -211,7 +211,7 @@ fn softmax<L: Lanes>(scores: &mut Scratch, tile: Tile) -> Statistics {
     Statistics { largest, inverse }
 }
 
-/// As [`softmax`], to the same bits, where the statistics are known.
+/// Like [`softmax`], to the same bits, with known statistics.
 #[inline(always)]
 fn softmax_again<L: Lanes>(scores: &mut Scratch, tile: Tile, statistics: Statistics) {
     let Statistics { largest, inverse } = statistics;
@@ -221,8 +221,8 @@ fn softmax_again<L: Lanes>(scores: &mut Scratch, tile: Tile, statistics: Statist
     tile.clear_rest(scores);
 }
 
-/// Turns the first `visible` scores of a row into factor · e^(score − largest), what is left of it
-/// into zeros; gives the sum of the powers.
+/// Replaces the first `visible` scores of a row by factor · e^(score − largest), the rest by zeros; returns the sum of
+/// the powers.
 #[inline(always)]
 fn powers<L: Lanes>(row: &mut [[f32; LANES]], visible: usize, largest: f32, factor: f32) -> f32 {
     let (largest, factor) = (L::splat(largest), L::splat(factor));
