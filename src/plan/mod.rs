@@ -22,8 +22,6 @@ mod memory;
 mod planned;
 mod price;
 mod remarks;
-#[cfg(test)]
-mod tests;
 mod trunk;
 
 pub use assemble::{MOST_USEFUL_EPOCHS, NO_TOKENIZER, Plan, TextJob, demand};

@@ -80,7 +80,7 @@ section! {
     /// The peak of the learning rate = `coefficient` · N^`params_exponent` · D^`tokens_exponent`.
     pub struct LrRule {
         /// The rate if both exponents are 0.
-        coefficient: f64 = 0.5, 1e-12 to 1e12;
+        coefficient: f64 = 0.5, 1e-30 to 1e30;
         /// The parameters counted by N: `nonvocab` or `total`.
         params: RateParams = RateParams::Nonvocab;
         /// How the rate goes with the parameters.
@@ -88,7 +88,7 @@ section! {
         /// How the rate goes with the tokens of the run.
         tokens_exponent: f64 = 0.0, -10 to 10;
         /// Upper bound of the rule's value.
-        max: f64 = 5e-2, 1e-12 to 1e3;
+        max: f64 = 5e-2, 1e-12 to 1e30;
     }
 }
 
@@ -102,7 +102,7 @@ impl LrRule {
 impl ShortForm for LrRule {
     const NUMBER: &'static str = "the rate of every run";
     const TYPE: &'static str = "number";
-    const RANGE: [f64; 2] = [1e-12, 1e3];
+    const RANGE: [f64; 2] = [1e-12, 1e30];
 
     fn of_number(rate: f64) -> Result<Self, String> {
         let rule = Self {
@@ -119,7 +119,7 @@ section! {
     /// Tokens a step = `coefficient` · D^`tokens_exponent`, rounded within bounds.
     pub struct BatchRule {
         /// Tokens per step if the exponent is 0.
-        coefficient: f64 = 0.35, 1e-12 to 1e12;
+        coefficient: f64 = 0.35, 1e-30 to 1e30;
         /// How the batch goes with the tokens of the run.
         tokens_exponent: f64 = 0.5, -10 to 10;
         /// Fewest tokens a step.

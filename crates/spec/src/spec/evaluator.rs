@@ -58,7 +58,7 @@ macro_rules! shared {
                 /// Features of a frame that it sees.
                 representation: Representation = Representation::Meng67;
                 /// The highest learning rate: 5e-4, for `kind: matching` 2e-3.
-                lr: Option<f64> = None, 1e-12 to 1e3, unless "Option::is_none";
+                lr: Option<f64> = None, 1e-12 to 1e30, unless "Option::is_none";
                 $($(#[$about])* $key: $type = $default, $low to $high;)*
             }
         }

@@ -64,7 +64,11 @@ fn written(number: &serde_json::Number) -> String {
     let value = number.as_f64().unwrap_or_default();
     let is_round = value != 0.0 && !(1e-4..1e6).contains(&value.abs());
     let short = format!("{value:e}");
-    if is_round && short.len() < 8 { short } else { value.to_string() }
+    match number.as_u64() {
+        _ if is_round && short.len() < 8 => short,
+        Some(whole) => whole.to_string(),
+        None => value.to_string(),
+    }
 }
 
 #[cfg(test)]

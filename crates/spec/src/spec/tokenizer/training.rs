@@ -180,7 +180,7 @@ keys! {
     /// Training steps: 600, for patches 4000.
     steps: usize = 600, 4000, 1 to 100_000_000;
     /// Learning rate after the warm-up: 1e-3.
-    lr: f64 = 1e-3, 1e-3, 1e-12 to 1e3;
+    lr: f64 = 1e-3, 1e-3, 1e-12 to 1e30;
     /// Steps over which the rate rises linearly: 50, for patches 100.
     warmup_steps: usize = 50, 100, 0 to 100_000_000;
     /// How the rate falls: `step`, for patches `cosine`.

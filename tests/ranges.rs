@@ -1,13 +1,17 @@
-//! Every number of a sweep file, at the bounds of its range and beyond them, through a plan.
+//! Every number of a sweep file at the bounds of its range and beyond them: planned, and at low bounds trained.
 
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use burn::tensor::Device;
+use isoflop::data::{self, DataFacts};
+use isoflop::jobs::{self, Assignment, JobKind, Outcome, ResultsFolder};
+use isoflop::plan::{Plan, demand, evaluator_peak_bytes, text_peak_bytes, tokenizer_peak_bytes};
+use isoflop::progress::Stop;
+use isoflop::sweep::{self, Sweep};
 use rayon::prelude::*;
 use serde_json::{Value, json};
-
-use super::{Plan, demand, evaluator_peak_bytes, text_peak_bytes, tokenizer_peak_bytes};
-use crate::data::{self, DataFacts};
-use crate::sweep::{self, Sweep};
 
 /// Sections that between them read every key: each is laid over [`BASE`].
 const KINDS: [&str; 8] = [
@@ -24,7 +28,12 @@ const KINDS: [&str; 8] = [
 const BASE: &str = "{name: t, data: {clips: 8, val_clips: 2, test_clips: 2}, grid: {models: \
                     [{n_layer: 1, n_head: 1, d_model: 16}], vocab: [64], budgets: [1e9]}, train: {min_steps: 1}}";
 
-/// A step to a number, and what else stands beside it where nothing does.
+/// Laid over these for trainings of a moment.
+const TINY: &str = "{grid: {budgets: [2e6]}, tokenizer: {steps: 1, warmup_steps: 0, width: 8, batch: 2, pool_clips: 4}}";
+const TINY_EVALUATOR: &str =
+    "{evaluator: {steps: 1, width: 8, dim: 8, batch: 2, pool_clips: 4, evaluations: 1}}";
+
+/// A step to a number: a key, with the keys that its section must have, or the entry of a list.
 #[derive(Clone, Debug)]
 enum Step {
     Key(String, Value),
@@ -124,13 +133,18 @@ fn yaml(text: &str) -> Value {
     serde_yaml::from_str(text).expect("YAML")
 }
 
-/// Everything that `isoflop plan` makes of a sweep.
-fn plan(sweep: &Sweep) -> usize {
+/// The plan of a sweep.
+fn planned(sweep: &Sweep) -> Plan {
     let facts = match data::open(&sweep.data, demand(sweep).as_ref()) {
         Ok(source) => DataFacts::of(&*source),
         Err(error) => DataFacts::absent(error.to_string()),
     };
-    let plan = Plan::new(sweep, facts);
+    Plan::new(sweep, facts)
+}
+
+/// Everything that `isoflop plan` makes of a sweep, counted.
+fn plan(sweep: &Sweep) -> usize {
+    let plan = planned(sweep);
     let tokenizers = plan.tokenizers.iter().map(|job| tokenizer_peak_bytes(&job.spec, &plan.data));
     let evaluator = plan.evaluator.iter().map(|job| evaluator_peak_bytes(&job.spec, &plan.data));
     let bytes = tokenizers
@@ -147,48 +161,102 @@ fn outcome(text: &str) -> Result<usize, String> {
         .map_err(|errors| errors.render(false))
 }
 
-#[test]
-fn every_number_plans_within_its_range_and_is_told_beyond_it() {
+impl Number {
+    /// Its keys, as a path.
+    fn name(&self) -> String {
+        let keys = self.path.iter().filter_map(|step| match step {
+            Step::Key(key, _) => Some(key.as_str()),
+            Step::Entry => None,
+        });
+        keys.collect::<Vec<_>>().join(".")
+    }
+
+    fn written(&self, value: f64) -> String {
+        if self.is_whole && value < 1e19 { format!("{value:.0}") } else { format!("{value:e}") }
+    }
+
+    /// The file of these layers, with the number set.
+    fn file(&self, layers: &[&str], value: f64) -> String {
+        let mut file = yaml(BASE);
+        layers.iter().for_each(|layer| laid(&mut file, yaml(layer)));
+        put(&mut file, &self.path, &json!("NUMBER"));
+        file.to_string().replace("\"NUMBER\"", &self.written(value))
+    }
+}
+
+fn all_numbers() -> Vec<Number> {
     let (schema, mut all) = (sweep::schema(), Vec::new());
     numbers(&schema, &schema, &[], &mut all);
     assert!(all.len() > 100, "{}", all.len());
-    let planned = AtomicUsize::new(0);
-    all.par_iter().for_each(|Number { path, bounds: [low, high], is_whole }| {
-        let name: Vec<&str> = path
-            .iter()
-            .filter_map(|step| match step {
-                Step::Key(key, _) => Some(key.as_str()),
-                Step::Entry => None,
-            })
-            .collect();
-        let number = |value: f64| {
-            if *is_whole && value < 1e19 { format!("{value:.0}") } else { format!("{value:e}") }
-        };
-        let next = if *is_whole { 1.0 } else { low.abs() * 1e-3 + 1e-15 };
-        let inside = [*low, 1f64.clamp(*low, *high), *high];
+    all
+}
+
+#[test]
+fn every_number_plans_within_its_range_and_is_told_beyond_it() {
+    let (all, planned) = (all_numbers(), AtomicUsize::new(0));
+    all.par_iter().for_each(|number| {
+        let (name, [low, high]) = (number.name(), number.bounds);
+        let next = if number.is_whole { 1.0 } else { low.abs() * 1e-3 + 1e-15 };
+        let inside = [low, 1f64.clamp(low, high), high];
         let beyond = [low - next, high + next.max(high.abs() * 1e-9)];
         for kind in KINDS {
-            let file = |value: f64| {
-                let mut file = yaml(BASE);
-                laid(&mut file, yaml(kind));
-                put(&mut file, path, &json!("NUMBER"));
-                file.to_string().replace("\"NUMBER\"", &number(value))
-            };
             for value in inside {
-                match outcome(&file(value)) {
+                match outcome(&number.file(&[kind], value)) {
                     Ok(_) => planned.fetch_add(1, Ordering::Relaxed),
                     Err(told) => {
-                        assert!(!told.contains("out of range"), "{name:?} = {value}: {told}");
+                        assert!(!told.contains("out of range"), "{name} = {value}: {told}");
                         0
                     }
                 };
             }
             for value in beyond {
-                let told = outcome(&file(value)).expect_err(&format!("{name:?} = {value}"));
+                let told = outcome(&number.file(&[kind], value)).err();
+                let told = told.unwrap_or_else(|| panic!("{name} = {value} is planned"));
                 let said = told.contains("is out of range: ") || told.contains("expected a ");
-                assert!(said && told.contains("t.yaml:1:"), "{name:?} = {value}: {told}");
+                assert!(said && told.contains("t.yaml:1:"), "{name} = {value}: {told}");
             }
         }
     });
     assert!(planned.into_inner() > 3 * all.len(), "most numbers plan with some kind");
+}
+
+/// Does all jobs of a sweep but scores; the number of those that were done.
+fn trained(sweep: &Sweep) -> usize {
+    let place = tempfile::tempdir().expect("a temporary folder");
+    let (folder, plan) = (ResultsFolder::new(place.path()), planned(sweep));
+    let resolved = serde_yaml::to_string(sweep).expect("a sweep is plain data");
+    fs::write(folder.file("sweep.yaml"), resolved).expect("a writable folder");
+    jobs::write_specs(&plan, &folder, &mut |line| panic!("{line}")).expect("a writable folder");
+    let (device, stop) = (Device::flex(), Stop::default());
+    let done = jobs::all_jobs(&plan).filter(|job| job.id.kind != JobKind::Score).map(|job| {
+        fs::create_dir_all(folder.job(&job.id)).expect("a writable folder");
+        let (folder, job) = (&folder, &job.id);
+        let device_name = "flex";
+        let assignment = Assignment { folder, job, device: &device, device_name, stop: &stop };
+        matches!(jobs::work(&assignment), Ok(Outcome::Done))
+    });
+    done.filter(|done| *done).count()
+}
+
+#[test]
+fn no_low_bound_of_a_model_panics_a_worker() {
+    const SECTIONS: [&str; 6] = ["tokenizer", "model", "train", "text", "grid", "evaluator"];
+    let mut all = all_numbers();
+    all.retain(|number| SECTIONS.contains(&number.name().split('.').next().unwrap_or_default()));
+    let counted = AtomicUsize::new(0);
+    let done = &counted;
+    let panicked = all.par_iter().flat_map_iter(|number| {
+        KINDS[..KINDS.len() - 1].iter().filter_map(move |kind| {
+            let low = number.bounds[0];
+            let evaluator = if kind.contains("evaluator") { TINY_EVALUATOR } else { "{}" };
+            let file = number.file(&[kind, TINY, evaluator], low);
+            let sweep = sweep::parse("t.yaml", &file, &[]).ok()?;
+            let ended = catch_unwind(AssertUnwindSafe(|| trained(&sweep)));
+            done.fetch_add(*ended.as_ref().unwrap_or(&0), Ordering::Relaxed);
+            ended.is_err().then(|| format!("{} = {low} with {kind}", number.name()))
+        })
+    });
+    let panicked: Vec<String> = panicked.collect();
+    assert!(panicked.is_empty(), "{panicked:#?}");
+    assert!(counted.into_inner() > 4 * all.len(), "most numbers train with some kind");
 }
