@@ -36,7 +36,7 @@ use std::path::Path;
 
 use serde_yaml::{Mapping, Value};
 
-use check::{check, engine};
+use check::{check, engine, ranges};
 use presets::Layers;
 use problem::nearest;
 use typed::{RemovedEntries, typed};
@@ -94,10 +94,17 @@ fn gather(keys: Mapping, source: Source, settings: &[String]) -> Result<Sweep, S
 fn check_all(mut value: Value, settings: &[String]) -> Result<Sweep, Vec<Problem>> {
     let mut problems = overrides::apply(&mut value, settings);
     let mut removed = RemovedEntries::default();
+    let outside = ranges::of_sweep(&value);
+    // From behind, so that no item of a list moves before it is taken out.
+    for Problem { path, .. } in outside.iter().rev() {
+        path::remove(&mut value, path);
+        removed.note(path.clone());
+    }
     let sweep: Option<Sweep> = typed(value, &mut removed, &mut problems);
     if let Some(sweep) = &sweep {
         problems.extend(check(sweep).into_iter().filter_map(|problem| led_back(problem, &removed)));
     }
+    problems.extend(outside);
     problems.iter_mut().for_each(|problem| overrides::blame(problem, settings));
     match (sweep, problems.is_empty()) {
         (Some(sweep), true) => Ok(sweep),
@@ -109,8 +116,10 @@ fn gather_profile(text: &str) -> Result<SlurmSection, Vec<Problem>> {
     let value = yaml::mapping(text, "a profile is a mapping with the keys of `engine.slurm`");
     let mut problems = Vec::new();
     let value = value.map_err(|problem| vec![problem])?;
-    let section: Option<SlurmSection> =
-        typed(Value::Mapping(value), &mut RemovedEntries::default(), &mut problems);
+    let value = Value::Mapping(value);
+    let outside = ranges::of_profile(&value);
+    let section: Option<SlurmSection> = typed(value, &mut RemovedEntries::default(), &mut problems);
+    problems.extend(outside);
     problems.extend(section.iter().flat_map(|section| engine::slurm(section, "")));
     match (section, problems.is_empty()) {
         (Some(section), true) => Ok(section),

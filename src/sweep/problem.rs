@@ -45,6 +45,9 @@ pub struct SweepErrors {
     pub problems: Vec<Problem>,
 }
 
+/// Problems shown with their lines, at most.
+const MOST_SHOWN: usize = 50;
+
 /// Bytes of one of the sources.
 type Place = (usize, Range<usize>);
 
@@ -62,10 +65,13 @@ impl SweepErrors {
         let placed = self.problems.iter().map(|problem| (self.place(problem, &places), problem));
         let mut placed: Vec<_> = placed.collect();
         placed.sort_by_key(|(place, _)| place.as_ref().map(|(index, span)| (*index, span.start)));
-        for (place, problem) in placed {
+        let n = placed.len();
+        for (place, problem) in placed.into_iter().take(MOST_SHOWN) {
             let _ = writeln!(text, "{}", renderer.render(&[self.group(problem, place)]));
         }
-        let n = self.problems.len();
+        if n > MOST_SHOWN {
+            let _ = writeln!(text, "and {} more", n - MOST_SHOWN);
+        }
         let _ = write!(text, "{}: {n} problem{}", self.file(), if n == 1 { "" } else { "s" });
         text
     }
@@ -275,6 +281,18 @@ mod tests {
         assert_eq!(found("g.v[0]"), Some(1));
         assert_eq!(found("t.layers"), None, "it was replaced");
         assert_eq!(found("s"), None);
+    }
+
+    #[test]
+    fn of_many_problems_the_first_fifty_are_shown_and_the_others_counted() {
+        let items = vec!["0"; 53].join(", ");
+        let source = Source::new("a", format!("seeds: [{items}]\n"));
+        let problems =
+            (0..53).map(|i| Problem::value(format!("seeds[{i}]"), format!("number {i}")));
+        let errors = SweepErrors { sources: vec![source], problems: problems.collect() };
+        let text = errors.render(false);
+        assert!(text.contains("number 49") && !text.contains("number 50"), "{text}");
+        assert!(text.ends_with("and 3 more\na: 53 problems"), "{text}");
     }
 
     #[test]

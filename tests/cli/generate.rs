@@ -161,7 +161,7 @@ fn a_generator_that_does_not_suit_the_codes_is_refused() {
     refused(&["--set", "generator=scalewise"], "the quantizer has one");
     let multiscale = "tokenizer={kind: patch, quantizer: {kind: multiscale}}";
     refused(&["--set", "generator=masked", "--set", multiscale], "has scales of several");
-    refused(&["--set", "model.text_drop=1"], "a share below 1");
+    refused(&["--set", "model.text_drop=1"], "1 is out of range: 0 to 0.999");
 }
 
 #[test]

@@ -180,7 +180,7 @@ fn what_cannot_be_scored_is_refused_before_anything_is_trained() {
     for (setting, words) in [
         ("scores={}", "no evaluator to score by"),
         ("evaluator={heads: 3}", "RoPE turns pairs"),
-        ("evaluator={width: 0}", "width / heads"),
+        ("evaluator={width: 0}", "0 is out of range: 2 to 8192"),
         ("evaluator={sight: 3}", "unknown name `sight`"),
     ] {
         place.isoflop(&["plan", "mini.yaml", "--set", setting]).exits(2).says(words);
@@ -188,7 +188,7 @@ fn what_cannot_be_scored_is_refused_before_anything_is_trained() {
     let both = ["--set", "evaluator={}", "--set"];
     for (setting, words) in [
         ("scores={only: [\"width > 3\"]}", "unknown name `width`; valid: n_layer"),
-        ("scores={top_p: 2}", "lies in (0, 1]"),
+        ("scores={top_p: 2}", "2 is out of range: 1e-6 to 1"),
         ("scores={multimodal_motions: 1}", "at least 2"),
     ] {
         let words_of = [&["plan", "mini.yaml"], &both[..], &[setting]].concat();

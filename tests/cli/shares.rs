@@ -46,8 +46,8 @@ fn shares_that_are_none_are_named() {
     let place = Place::with("mini.yaml");
     for (shares, words) in [
         ("[]", "no share, so no run"),
-        ("[0, 1]", "0 is no share of the data"),
-        ("[1, 1.5]", "1.5 is no share of the data"),
+        ("[0, 1]", "0 is out of range: 1e-9 to 1"),
+        ("[1, 1.5]", "1.5 is out of range"),
         ("[0.5, 0.5]", "stands in the list a second time"),
     ] {
         let setting = format!("grid.shares={shares}");

@@ -5,7 +5,7 @@
 //!
 //! | floor | module | content | also imports |
 //! | --- | --- | --- | --- |
-//! | 1 | [`units`] | numbers and amounts of memory as users write them | |
+//! | 1 | [`units`] | numbers, their ranges and amounts of memory as users write them | |
 //! | 1 | [`failure`] | kinds of failures of a job | |
 //! | 1 | [`machine`] | memory of this machine, and out-of-memory kills; GPUs by name | |
 //! | 1 | [`files`] | files written atomically, mapped, or set aside | failure |

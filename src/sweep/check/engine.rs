@@ -2,9 +2,7 @@
 
 use crate::machine::{self, CARDS};
 use crate::sweep::problem::{Problem, nearest};
-use crate::sweep::sections::{
-    Amount, Count, EngineSection, Resources, SlurmSection, Stage, Sweep, minutes,
-};
+use crate::sweep::sections::{EngineSection, Resources, SlurmSection, Stage, Sweep, minutes};
 
 /// Arguments of `sbatch` that isoflop gives itself.
 const OURS: &str = "--array -a --dependency -d --parsable --output -o --open-mode --wrap --comment \
@@ -16,7 +14,7 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
     gpu(section).into_iter().chain(slurm(&section.slurm, "engine.slurm.")).collect()
 }
 
-/// A card that is not known, and an MFU that is no share of its peak.
+/// A card that is not known.
 fn gpu(section: &EngineSection) -> Vec<Problem> {
     let unknown = section.gpu.as_ref().filter(|name| machine::find(name).is_none());
     let unknown = unknown.map(|name| {
@@ -24,9 +22,7 @@ fn gpu(section: &EngineSection) -> Vec<Problem> {
         Problem::value("engine.gpu", format!("no card is named `{name}`"))
             .with_help(nearest(name, &names))
     });
-    let wrong = section.mfu.filter(|Amount(mfu)| !(*mfu > 0.0 && *mfu <= 1.0));
-    let wrong = wrong.map(|_| Problem::value("engine.mfu", "must be above 0, and at most 1"));
-    unknown.into_iter().chain(wrong).collect()
+    unknown.into_iter().collect()
 }
 
 /// Problems of a section with its keys under `prefix`.
@@ -41,7 +37,6 @@ pub fn slurm(section: &SlurmSection, prefix: &str) -> Vec<Problem> {
     if section.stages.as_ref().is_none_or(|stages| !stages.contains_key(&Stage::Train)) {
         problems.extend(time(&section.resources(), section, Stage::Train, prefix));
     }
-    problems.extend(counts(section, prefix));
     problems.extend(programs(section, prefix));
     problems
 }
@@ -58,11 +53,6 @@ fn resources(of: &Resources, prefix: &str) -> Vec<Problem> {
         let message = format!("`{}` is no time limit that Slurm knows", time.0);
         let help = "write minutes as 90, or 04:00:00, or 2-12:00:00";
         problems.push(Problem::value(format!("{prefix}time"), message).with_help(help));
-    }
-    for (key, count) in [("cpus_per_task", of.cpus_per_task), ("runs_at_once", of.runs_at_once)] {
-        if count == Some(Count(0)) {
-            problems.push(Problem::value(format!("{prefix}{key}"), "must be at least 1"));
-        }
     }
     problems.extend(extra(of, prefix));
     problems.extend(env(of, prefix));
@@ -100,20 +90,6 @@ fn env(of: &Resources, prefix: &str) -> Vec<Problem> {
         Problem::value(format!("{prefix}env"), format!("`{name}` cannot name a variable"))
     };
     wrong.map(problem).collect()
-}
-
-fn counts(section: &SlurmSection, prefix: &str) -> Vec<Problem> {
-    let count = |n: Option<Count>| (n != Some(Count(0)), "must be at least 1");
-    let amount = |n: Option<Amount>| (n.is_none_or(|Amount(n)| n > 0.0), "must be above 0");
-    let checks = [
-        ("array_parallel", count(section.array_parallel)),
-        ("max_array", count(section.max_array)),
-        ("max_submit", count(section.max_submit)),
-        ("target_chunk_minutes", amount(section.target_chunk_minutes)),
-        ("flops_per_second", amount(section.flops_per_second)),
-    ];
-    let wrong = checks.into_iter().filter(|(_, (holds, _))| !holds);
-    wrong.map(|(key, (_, message))| Problem::value(format!("{prefix}{key}"), message)).collect()
 }
 
 fn programs(section: &SlurmSection, prefix: &str) -> Vec<Problem> {

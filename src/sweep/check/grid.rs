@@ -1,6 +1,6 @@
 //! Checks for impossible settings of the grid: models, vocabularies, budgets and their combination.
 
-use crate::spec::{QuantizerSection, Share, VocabularyError, is_torch};
+use crate::spec::{QuantizerSection, VocabularyError, is_torch};
 use crate::sweep::cells::{Condition, MODEL_LISTS, models, named_models};
 use crate::sweep::problem::{Problem, nearest};
 use crate::sweep::sections::{Axis, GridPart, GridSection, ModelList, Sweep, VocabSpec};
@@ -40,11 +40,8 @@ fn model_list(sweep: &Sweep) -> Vec<Problem> {
             Problem::value("grid.models", format!("no list of models is named `{name}`"))
                 .with_help(nearest(name, &MODEL_LISTS))
         }
-        ModelList::Rule(rule) if rule.d_model.is_empty() || rule.head_dim == 0 => {
+        ModelList::Rule(rule) if rule.d_model.is_empty() => {
             Problem::value("grid.models", "the rule makes no model")
-        }
-        ModelList::Rule(rule) if rule.width_per_layer == 0 => {
-            Problem::value("grid.models.width_per_layer", "must be at least 1")
         }
         ModelList::List(list) if list.is_empty() => {
             Problem::value("grid.models", "no model, so no run")
@@ -62,9 +59,7 @@ fn every_model(sweep: &Sweep) -> Vec<Problem> {
         .enumerate()
         .filter_map(|(i, model)| {
             let (d, h) = (model.d_model, model.n_head);
-            let wrong = if model.n_layer == 0 || h == 0 || d == 0 || model.d_ff == Some(0) {
-                "n_layer, n_head, d_model and d_ff must be at least 1".to_string()
-            } else if d % h != 0 {
+            let wrong = if d % h != 0 {
                 format!("{h} heads do not divide a width of {d}")
             } else if d / h % 2 != 0 {
                 format!("heads of {} channels: RoPE turns pairs, so the number must be even", d / h)
@@ -94,23 +89,9 @@ fn vocab(sweep: &Sweep) -> Vec<Problem> {
     grid.vocab.iter().enumerate().filter_map(wrong).collect()
 }
 
-/// FLOPs beyond which a budget is taken for a slip of the pen.
-const LARGEST_BUDGET: f64 = 1e30;
-
 fn budgets(sweep: &Sweep) -> Vec<Problem> {
-    if sweep.grid.budgets.is_empty() {
-        return vec![Problem::value("grid.budgets", "no budget, so no run")];
-    }
-    let [grid, predict] =
-        [&sweep.grid.budgets, &sweep.predict.budgets].map(|of| of.iter().enumerate());
-    let listed = grid.map(|(i, budget)| (format!("grid.budgets[{i}]"), *budget));
-    let asked = predict.map(|(i, budget)| (format!("predict.budgets[{i}]"), *budget));
-    let is_possible = |budget: f64| budget > 0.0 && budget <= LARGEST_BUDGET;
-    let problem = |(path, budget): (String, f64)| {
-        Problem::value(path, format!("a budget of {budget:e} FLOPs"))
-            .with_help(format!("above 0 and at most {LARGEST_BUDGET:e}"))
-    };
-    listed.chain(asked).filter(|(_, budget)| !is_possible(*budget)).map(problem).collect()
+    let none = || Problem::value("grid.budgets", "no budget, so no run");
+    sweep.grid.budgets.is_empty().then(none).into_iter().collect()
 }
 
 /// Runs of a grid at most: a plan holds each of them.
@@ -176,15 +157,9 @@ fn shares(sweep: &Sweep) -> Vec<Problem> {
         return vec![Problem::value(PATH, "no share, so no run").with_help("shares: [1]")];
     }
     let problem = |i: usize, message: String| Problem::value(format!("{PATH}[{i}]"), message);
-    let wrong = |(i, share): (usize, &f64)| match Share::new(*share) {
-        None => {
-            let message = format!("{share} is no share of the data");
-            Some(problem(i, message).with_help("above 0 and up to 1"))
-        }
-        Some(_) => {
-            let twice = || problem(i, "stands in the list a second time".into());
-            shares[..i].contains(share).then(twice)
-        }
+    let wrong = |(i, share): (usize, &f64)| {
+        let twice = || problem(i, "stands in the list a second time".into());
+        shares[..i].contains(share).then(twice)
     };
     let mut problems: Vec<Problem> = shares.iter().enumerate().filter_map(wrong).collect();
     let may_not_know = sweep.trainer.as_ref().is_some_and(|trainer| !is_torch(&trainer.command));

@@ -2,6 +2,8 @@
 
 use serde_json::Value;
 
+use super::ranges;
+use crate::sweep::path;
 use crate::sweep::problem::Problem;
 use crate::sweep::sections::Sweep;
 use crate::sweep::variants::Variant;
@@ -64,13 +66,23 @@ fn of_key(
         return vec![Problem::value(path, "a value stands twice")];
     }
     let of_value = |(i, value): (usize, &Value)| {
-        let message = match sweep.with(key, value) {
-            Err(message) => Some(message),
-            Ok(own) => fresh(&own),
+        let message = match (ranges::of_sweep(&at_key(key, value)).pop(), sweep.with(key, value)) {
+            (Some(problem), _) => Some(problem.message),
+            (None, Err(message)) => Some(message),
+            (None, Ok(own)) => fresh(&own),
         };
         message.map(|message| Problem::value(format!("{path}[{i}]"), message))
     };
     values.iter().enumerate().filter_map(of_value).collect()
+}
+
+/// A sweep file with a value at a key and nothing else.
+fn at_key(key: &str, value: &Value) -> serde_yaml::Value {
+    let mut file = serde_yaml::Value::Null;
+    if let (Some(place), Ok(value)) = (path::entry(&mut file, key), serde_yaml::to_value(value)) {
+        *place = value;
+    }
+    file
 }
 
 #[cfg(test)]
@@ -94,7 +106,7 @@ mod tests {
             ("{train.lr: [1e-3, 1e-3]}", "t.yaml:6:20", "a value stands twice"),
             ("{train.lr: [1e-3, many]}", "t.yaml:6:27", "expected a number"),
             ("{train.rate: [1]}", "t.yaml:6:23", "unknown field"),
-            ("{train.min_steps: [0]}", "t.yaml:6:28", "at least one step"),
+            ("{train.min_steps: [0]}", "t.yaml:6:28", "out of range: 1 to"),
             (
                 "{train.schedule.warmup: [0.1, 0.6], train.schedule.decay: [0.2, 0.6], train.schedule.kind: [wsd]}",
                 "t.yaml:6:9",

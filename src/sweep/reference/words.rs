@@ -4,6 +4,7 @@ use serde_json::Value;
 use serde_yaml::{Mapping, Value as Yaml};
 
 use crate::sweep::sections::Sweep;
+use crate::units::ranges::in_words;
 
 /// A schema, and the definitions that its references lead to.
 #[derive(Clone, Copy)]
@@ -158,7 +159,11 @@ impl<'a> Node<'a> {
             Kind::Ways(ways) => {
                 or(&ways.iter().map(|way| way.counted(several)).collect::<Vec<_>>())
             }
-            Kind::Plain(words) => words[usize::from(several)].to_string(),
+            Kind::Plain(words) => {
+                let range = in_words(self.target().schema);
+                let range = range.map(|range| format!(" from {range}")).unwrap_or_default();
+                format!("{}{range}", words[usize::from(several)])
+            }
         }
     }
 }

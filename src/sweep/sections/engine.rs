@@ -20,6 +20,7 @@ pub struct EngineSection {
     /// Model FLOPs utilisation, e.g. `0.35`: the fraction of the card's bf16 peak that runs reach, counted in FLOPs
     /// of their budgets. Finished runs of the folder override it; without either it is taken from an H200, by model size.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<f64>", range(min = 1e-6, max = 1))]
     pub mfu: Option<Amount>,
     /// The requests of `--engine slurm` to Slurm.
     pub slurm: SlurmSection,
@@ -126,8 +127,10 @@ sections! {
         /// `--time`, as Slurm writes it: `30` minutes, `04:00:00`, `2-12:00:00`.
         time: Word,
         /// `--cpus-per-task`, 1 if left out: as many jobs of a chunk run side by side.
+        #[schemars(with = "Option<usize>", range(min = 1, max = 65_536))]
         cpus_per_task: Count,
         /// Parallel jobs of a chunk, if not one per CPU: 1 for one GPU.
+        #[schemars(with = "Option<usize>", range(min = 1, max = 65_536))]
         runs_at_once: Count,
         /// `--mem`: memory of a task, as `8G`. One of the three at most.
         mem: Word,
@@ -157,25 +160,34 @@ sections! {
         /// Overrides for single stages: `inputs`, `train`, `fit`.
         stages: BTreeMap<Stage, Resources>,
         /// Tasks of the arrays that run at once at most (`%` of `--array`).
+        #[schemars(with = "Option<usize>", range(min = 1, max = 1_000_000))]
         array_parallel: Count,
         /// Tasks of an array at most; asked of Slurm (MaxArraySize) where left out.
+        #[schemars(with = "Option<usize>", range(min = 1, max = 1_000_000_000))]
         max_array: Count,
         /// Tasks of a submission at most; none if left out.
+        #[schemars(with = "Option<usize>", range(min = 1, max = 1_000_000_000))]
         max_submit: Count,
         /// Minutes of work of a task, 30 where left out; half of `time` at most.
+        #[schemars(with = "Option<f64>", range(min = 1e-3, max = 1e6))]
         target_chunk_minutes: Amount,
         /// FLOPs a second of one job, by which runs are packed; where left out, measured by the
         /// finished runs of the folder, or else here by a few steps.
+        #[schemars(with = "Option<f64>", range(min = 1, max = 1e21))]
         flops_per_second: Amount,
         /// Seconds before the time limit at which a task is warned and checkpoints; 120.
+        #[schemars(with = "Option<usize>", range(min = 0, max = 1_000_000))]
         signal_grace_s: Count,
         /// Whether Slurm may put a task back into the queue: preempted, node lost, out of time; true.
         requeue: bool,
         /// Times that a task puts itself back when its time is over; 20.
+        #[schemars(with = "Option<usize>", range(min = 0, max = 1_000_000))]
         max_requeues: Count,
         /// Seconds that `isoflop cancel` waits for checkpoints before it ends tasks the hard way; 60.
+        #[schemars(with = "Option<f64>", range(min = 0, max = 1e6))]
         cancel_grace_s: Amount,
         /// Seconds that a task waits for files written on another machine to appear; 90.
+        #[schemars(with = "Option<f64>", range(min = 0, max = 1e6))]
         fs_grace_s: Amount,
         /// Whether laws are fitted although runs are missing; false.
         allow_missing: bool,

@@ -20,6 +20,7 @@ pub struct GridSection {
     pub vocab: Vec<VocabSpec>,
     /// Training budgets of a run, in FLOPs.
     #[serde(deserialize_with = "number::read")]
+    #[schemars(inner(range(min = 1, max = 1e30)))]
     pub budgets: Vec<f64>,
     /// Fractions of the training split, e.g. `[0.25, 0.5, 1]`, crossed with the grid. Laws of minima use only the
     /// largest; the joint law uses all, to learn the worth of repeated data.
@@ -28,6 +29,7 @@ pub struct GridSection {
         skip_serializing_if = "is_whole",
         deserialize_with = "number::read"
     )]
+    #[schemars(inner(range(min = 1e-9, max = 1)))]
     pub shares: Vec<f64>,
     /// Groups of axes that advance together, as `[[models, budgets]]`; of one length each.
     #[serde(default)]
@@ -54,6 +56,7 @@ pub struct GridPart {
     pub vocab: Vec<VocabSpec>,
     /// Training budgets, in FLOPs.
     #[serde(deserialize_with = "number::read")]
+    #[schemars(inner(range(min = 1, max = 1e30)))]
     pub budgets: Vec<f64>,
 }
 
@@ -123,16 +126,20 @@ pub enum ModelList {
 pub struct ModelEntry {
     /// Blocks.
     #[serde(deserialize_with = "number::read")]
+    #[schemars(range(min = 1, max = 4096))]
     pub n_layer: usize,
     /// Heads of attention; `d_model` is divided among them.
     #[serde(deserialize_with = "number::read")]
+    #[schemars(range(min = 1, max = 4096))]
     pub n_head: usize,
     /// Width of the model.
     #[serde(deserialize_with = "number::read")]
+    #[schemars(range(min = 2, max = 1_048_576))]
     pub d_model: usize,
     /// Width of the feed-forward layer; where left out, 8d/3 (`swiglu`) or 4d (`gelu`), up to a
     /// multiple of `model.ffn_multiple`.
     #[serde(default, deserialize_with = "number::read")]
+    #[schemars(range(min = 1, max = 4_194_304))]
     pub d_ff: Option<usize>,
 }
 
@@ -142,12 +149,15 @@ pub struct ModelEntry {
 pub struct ModelRule {
     /// Widths: one model of each.
     #[serde(deserialize_with = "number::read")]
+    #[schemars(inner(range(min = 2, max = 1_048_576)))]
     pub d_model: Vec<usize>,
     /// n_layer = max(1, round(d_model / `width_per_layer`)).
     #[serde(deserialize_with = "number::read")]
+    #[schemars(range(min = 1, max = 1_048_576))]
     pub width_per_layer: usize,
     /// n_head = max(1, d_model / `head_dim`).
     #[serde(deserialize_with = "number::read")]
+    #[schemars(range(min = 2, max = 1_048_576))]
     pub head_dim: usize,
 }
 
@@ -156,7 +166,7 @@ pub struct ModelRule {
 #[serde(untagged)]
 pub enum VocabSpec {
     /// FSQ: resolved to ScaMo's levels (Table 8); VQ: the number of codes.
-    Size(usize),
+    Size(#[schemars(range(min = 2, max = 16_777_216))] usize),
     /// FSQ with other levels.
     Levels(LevelsSpec),
 }
@@ -180,6 +190,7 @@ impl VocabSpec {
 pub struct LevelsSpec {
     /// Values in each dimension; their product is the size of the vocabulary.
     #[serde(deserialize_with = "number::read")]
+    #[schemars(inner(range(min = 2, max = 16_777_216)))]
     pub levels: Vec<usize>,
 }
 

@@ -53,6 +53,7 @@ pub struct Sweep {
     pub name: String,
     /// Every cell is trained once a seed.
     #[serde(default = "default_seeds")]
+    #[schemars(inner(range(min = 0, max = 18_446_744_073_709_551_615u64)))]
     pub seeds: Vec<u64>,
     #[serde(default)]
     pub data: DataSection,
@@ -143,6 +144,7 @@ pub struct FitSection {
     pub hold_out: HoldOutSpec,
     /// Bootstrap replicates for the intervals.
     #[serde(deserialize_with = "number::read")]
+    #[schemars(range(min = 0, max = 1_000_000))]
     pub bootstrap: usize,
 }
 
@@ -157,6 +159,7 @@ section! {
     /// The `predict` section: predictions to make at the end.
     pub struct PredictSection {
         /// Budgets, in FLOPs, of which the best configuration is given.
+        #[schemars(inner(range(min = 1, max = 1e30)))]
         budgets: Vec<f64> = Vec::new();
     }
 }

@@ -31,6 +31,7 @@ pub struct TrainerSection {
     /// GPUs that runs side by side share: each run sees its own by `CUDA_VISIBLE_DEVICES`.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "number::read")]
     #[schemars(with = "Option<usize>")]
+    #[schemars(range(min = 1, max = 65_536))]
     pub gpus: Option<usize>,
 }
 

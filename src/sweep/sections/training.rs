@@ -13,20 +13,20 @@ section! {
     pub struct ModelSection {
         ffn: Ffn = Ffn::default();
         /// d_ff is rounded up to a multiple of this; ScaMo has 256, which only large models can afford.
-        ffn_multiple: usize = 8;
+        ffn_multiple: usize = 8, 1 to 65_536;
         /// One matrix for the embedding and the head.
         tie_embeddings: bool = false;
         /// Base of the rotary positions' wavelengths.
-        rope_base: f64 = 10_000.0;
+        rope_base: f64 = 10_000.0, 1e-3 to 1e12;
         /// Motion slots of n_ctx: 49 codes, the end token and one spare, as in ScaMo. If a clip has codes on several
         /// scales, n_ctx has room for the codes of as many latents; `masked` needs one slot per latent, regardless of
         /// the number of layers.
-        motion_slots: usize = 51;
+        motion_slots: usize = 51, 3 to 65_536;
         /// `scalewise`: share of the codes that training shows as random ones, none; 0.5 in MoSa and
         /// LG-Tok. `masked`: the same of the hidden codes; 0.1 in MoMask.
-        corruption: f64 = 0.0;
+        corruption: f64 = 0.0, 0 to 0.999;
         /// `scalewise` and `masked`: share of the captions that training leaves out, 0.1, so that motions can be guided.
-        text_drop: f64 = 0.1;
+        text_drop: f64 = 0.1, 0 to 0.999;
     }
 }
 
@@ -47,11 +47,11 @@ section! {
     pub struct ScheduleSection {
         kind: ScheduleKind = ScheduleKind::default();
         /// Share of the run spent warming up, at most; and at most one token a parameter.
-        warmup: f64 = 0.1;
+        warmup: f64 = 0.1, 0 to 1;
         /// The last learning rate as a share of the peak.
-        final_share: f64 = 0.0;
+        final_share: f64 = 0.0, 0 to 1;
         /// `wsd`: the fraction of the run that decays.
-        decay: f64 = 0.2;
+        decay: f64 = 0.2, 1e-6 to 0.999999;
         /// `wsd`: runs of one model, vocabulary and seed are trained together up to their decays,
         /// with one batch, rate and warm-up.
         share: bool = false;
@@ -80,15 +80,15 @@ section! {
     /// The peak of the learning rate = `coefficient` · N^`params_exponent` · D^`tokens_exponent`.
     pub struct LrRule {
         /// The rate if both exponents are 0.
-        coefficient: f64 = 0.5;
+        coefficient: f64 = 0.5, 1e-30 to 1e30;
         /// The parameters counted by N: `nonvocab` or `total`.
         params: RateParams = RateParams::Nonvocab;
         /// How the rate goes with the parameters.
-        params_exponent: f64 = -0.4;
+        params_exponent: f64 = -0.4, -10 to 10;
         /// How the rate goes with the tokens of the run.
-        tokens_exponent: f64 = 0.0;
+        tokens_exponent: f64 = 0.0, -10 to 10;
         /// Upper bound of the rule's value.
-        max: f64 = 5e-2;
+        max: f64 = 5e-2, 1e-12 to 1e30;
     }
 }
 
@@ -102,6 +102,7 @@ impl LrRule {
 impl ShortForm for LrRule {
     const NUMBER: &'static str = "the rate of every run";
     const TYPE: &'static str = "number";
+    const RANGE: [f64; 2] = [1e-12, 1e30];
 
     fn of_number(rate: f64) -> Result<Self, String> {
         let rule = Self {
@@ -118,22 +119,23 @@ section! {
     /// Tokens a step = `coefficient` · D^`tokens_exponent`, rounded within bounds.
     pub struct BatchRule {
         /// Tokens per step if the exponent is 0.
-        coefficient: f64 = 0.35;
+        coefficient: f64 = 0.35, 1e-30 to 1e30;
         /// How the batch goes with the tokens of the run.
-        tokens_exponent: f64 = 0.5;
+        tokens_exponent: f64 = 0.5, -10 to 10;
         /// Fewest tokens a step.
-        min: usize = 64;
+        min: usize = 64, 1 to 1_000_000_000;
         /// Most tokens a step.
-        max: usize = 4096;
+        max: usize = 4096, 1 to 1_000_000_000;
         /// Tokens a step are a multiple of it; where left out, a power of two, which leaves a factor of 1.4
         /// to either side of the rule.
-        multiple_of: Option<usize> = None, unless "Option::is_none";
+        multiple_of: Option<usize> = None, 1 to 1_000_000_000, unless "Option::is_none";
     }
 }
 
 impl ShortForm for BatchRule {
     const NUMBER: &'static str = "tokens a step of every run";
     const TYPE: &'static str = "integer";
+    const RANGE: [f64; 2] = [1.0, 1e9];
 
     fn of_number(tokens: f64) -> Result<Self, String> {
         let whole = number::whole(&tokens.into())?;
@@ -158,22 +160,23 @@ section! {
         /// `f32`, or what a GPU is faster in: `f16`, `bf16`.
         precision: Precision = Precision::default();
         /// A cell whose budget buys fewer steps is dropped: it would show its warm-up, not its size.
-        min_steps: usize = 200;
+        min_steps: usize = 200, 1 to 1_000_000_000;
         /// AdamW's decoupled weight decay.
-        weight_decay: f64 = 1e-6;
+        weight_decay: f64 = 1e-6, 0 to 1e3;
         /// AdamW's β₁ and β₂.
+        #[schemars(inner(range(min = 0, max = 0.9999999)))]
         betas: Vec<f64> = vec![0.9, 0.95];
         /// Added by AdamW to the root of the second moment.
-        epsilon: f64 = 1e-8;
+        epsilon: f64 = 1e-8, 0 to 1;
         /// Global norm to which gradients are clipped; 0 for none.
-        clip_norm: f64 = 1.0;
+        clip_norm: f64 = 1.0, 0 to 1e6;
         /// Times a run that it is measured on the validation split.
-        evaluations: usize = 4;
+        evaluations: usize = 4, 0 to 100_000;
         /// Seconds between checkpoints; never changes a result.
-        checkpoint_s: f64 = 20.0;
+        checkpoint_s: f64 = 20.0, 0 to 1e9;
         /// Seconds without progress after which a worker is taken for hung, ended and started again; 0
         /// for never. Longer than the longest step; never changes a result.
-        hang_s: f64 = 600.0;
+        hang_s: f64 = 600.0, 0 to 1e9;
     }
 }
 

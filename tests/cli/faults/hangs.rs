@@ -83,5 +83,8 @@ fn the_limit_changes_no_id_and_an_impossible_one_is_refused() {
     };
     assert_eq!(ids("train.hang_s=5"), ids("train.hang_s=0"));
     let place = Place::with("mini.yaml");
-    place.isoflop(&["plan", "mini.yaml", "--set", "train.hang_s=-1"]).exits(2).says("0 for never");
+    place
+        .isoflop(&["plan", "mini.yaml", "--set", "train.hang_s=-1"])
+        .exits(2)
+        .says("-1 is out of range: 0 to 1e9");
 }

@@ -63,6 +63,7 @@ pub struct MemberSection {
     pub licence: Option<String>,
     /// Frames per second of its files, if not `data.fps`.
     #[serde(default, deserialize_with = "number::read")]
+    #[schemars(range(min = 0.1, max = 1000))]
     pub fps: Option<f64>,
 }
 
@@ -94,19 +95,19 @@ section! {
         union: Vec<MemberSection> = Vec::new();
         /// `humanml3d`: frames per second of the files. By default the rate stored by `isoflop data import`, or the
         /// layout's: 20, and 30 for Motion-X's `vector_263`.
-        fps: Option<f64> = None;
+        fps: Option<f64> = None, 0.1 to 1000;
         /// `humanml3d`: every training clip also left-right mirrored.
         mirror: bool = true;
         /// `humanml3d`: the treatment of broken files.
         broken: BrokenFiles = BrokenFiles::default();
         /// `procedural`: the generator's seed.
-        seed: u64 = 0;
+        seed: u64 = 0, 0 to 18_446_744_073_709_551_615u64;
         /// `procedural`: clips to train on, or `auto`.
         clips: Clips = Clips::default();
         /// `procedural`: clips to validate on.
-        val_clips: usize = 128;
+        val_clips: usize = 128, 1 to 1_000_000;
         /// `procedural`: clips to test on.
-        test_clips: usize = 512;
+        test_clips: usize = 512, 1 to 1_000_000;
     }
 }
 
@@ -136,18 +137,13 @@ impl DataSection {
         let no_path = "a folder, where `source` reads none";
         let no_fps = "the rate of files, where `source` reads none";
         let source = Some("source: humanml3d");
-        let splits = "`val_clips` and `test_clips` must be at least 1";
         let other = united && (self.path.is_some() || self.source == DataSource::None);
         let read = self.source != DataSource::HumanMl3d || self.path.is_some() || united;
-        let mut rates = self.union.iter().map(|member| member.fps).chain([self.fps]).flatten();
         KeyProblem::failed([
             (read, "", "`source: humanml3d` needs a `path`", Some(folder)),
             (!other, "union", "a union is all the data there is", Some(alone)),
             (!no_files || self.path.is_none(), "path", no_path, source),
             (!no_files || self.fps.is_none(), "fps", no_fps, source),
-            (rates.all(|fps| fps > 0.0), "fps", "a second has more than 0 frames", None),
-            (self.clips != Clips::Count(0), "clips", "no clip to train on", None),
-            (self.val_clips > 0 && self.test_clips > 0, "", splits, None),
         ])
     }
 }
@@ -171,7 +167,12 @@ impl JsonSchema for Clips {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({"anyOf": [
-            {"type": "integer", "description": "A number of clips."},
+            {
+                "type": "integer",
+                "minimum": 1,
+                "maximum": 1_000_000_000,
+                "description": "A number of clips.",
+            },
             {
                 "const": "auto",
                 "description": "As many as the longest run needs, rounded up to a power of two.",
@@ -262,20 +263,16 @@ section! {
         /// 2); of encoders with weights.
         states: TextStates = TextStates::default(), unless "crate::units::is_default";
         /// Width of a vector; it must match the file or the model, if there is one.
-        dim: usize = 64;
+        dim: usize = 64, 1 to 65_536;
         /// Longer captions are cut here; part of n_ctx in the FLOP rule.
-        max_tokens: usize = 32;
+        max_tokens: usize = 32, 1 to 16_384;
     }
 }
-
-/// Columns of a caption's vectors, and tokens of a caption, at most.
-const WIDEST: usize = 65_536;
-const MOST_TOKENS: usize = 16_384;
 
 impl TextSpec {
     /// Problems that make every encoder fail.
     pub fn problems(&self) -> Vec<KeyProblem> {
-        let Self { encoder, path, states, dim, max_tokens } = self;
+        let Self { encoder, path, states, .. } = self;
         let (file, has_weights) = (*encoder == TextEncoderKind::File, encoder.has_weights());
         let hashed = *encoder == TextEncoderKind::HashedNgrams;
         let words = *states == TextStates::Words;
@@ -285,14 +282,10 @@ impl TextSpec {
         let no_file = "`encoder: hashed-ngrams` reads no file";
         let no_path = "take `path` out, or set `encoder: file`";
         let other = "build it with `--features encoders`, or make a file for `encoder: file`";
-        let small = "`dim` and `max_tokens` must be at least 1";
-        let large = "`dim` is at most 65536 and `max_tokens` at most 16384";
         let unbuilt = "this isoflop was built without encoders that have weights";
         let sentence = "`states: sentence` is of encoders with weights";
         let needs_path = "an encoder with weights needs a `path`";
         KeyProblem::failed([
-            (*max_tokens > 0 && *dim > 0, "", small, None),
-            (*max_tokens <= MOST_TOKENS && *dim <= WIDEST, "", large, None),
             (!file || path.is_some(), "", "`encoder: file` needs a `path`", Some(in_file)),
             (!hashed || path.is_none(), "path", no_file, Some(no_path)),
             (!has_weights || path.is_some(), "", needs_path, Some(in_folder)),

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{KeyProblem, Representation, failed};
+use super::{KeyProblem, Representation, failed, out_of_range};
 use crate::units::number::plain;
 use crate::units::{or_default, section};
 
@@ -28,7 +28,9 @@ pub enum EvaluatorKind {
 
 /// The keys shared by all kinds, with their defaults, for the section and for the resolved form.
 macro_rules! shared {
-    ($($(#[$about:meta])* $key:ident: $type:ty = $default:expr;)*) => {
+    ($(
+        $(#[$about:meta])* $key:ident: $type:ty = $default:expr, $low:literal to $high:literal;
+    )*) => {
         section! {
             /// The `evaluator` section: networks of motions and of captions, whose vectors are close for matching
             /// pairs.
@@ -39,25 +41,25 @@ macro_rules! shared {
                 kind: EvaluatorKind = EvaluatorKind::default();
                 /// Channels of a row in both towers (128); for `kind: matching`, of the convolutions and of
                 /// the GRUs over captions (64), which is half of those over motions.
-                width: Option<usize> = None, unless "Option::is_none";
+                width: Option<usize> = None, 2 to 8192, unless "Option::is_none";
                 /// `kind: motionclip`: layers of each tower (2).
-                layers: Option<usize> = None, unless "Option::is_none";
+                layers: Option<usize> = None, 1 to 128, unless "Option::is_none";
                 /// `kind: motionclip`: heads of attention (4).
-                heads: Option<usize> = None, unless "Option::is_none";
+                heads: Option<usize> = None, 1 to 128, unless "Option::is_none";
                 /// `kind: motionclip`: frames of a row (4).
-                frames: Option<usize> = None, unless "Option::is_none";
+                frames: Option<usize> = None, 1 to 64, unless "Option::is_none";
                 /// `kind: matching`: the distance that pairs which do not match are pushed to (10).
-                margin: Option<f64> = None, unless "Option::is_none";
+                margin: Option<f64> = None, 1e-6 to 1e6, unless "Option::is_none";
                 /// `kind: matching`: which pairs are pushed apart (`all`).
                 mismatches: Option<Mismatches> = None, unless "Option::is_none";
                 /// `kind: matching`: share of the channels after a convolution that is left out in training
                 /// (0.2).
-                dropout: Option<f64> = None, unless "Option::is_none";
+                dropout: Option<f64> = None, 0 to 0.999, unless "Option::is_none";
                 /// Features of a frame that it sees.
                 representation: Representation = Representation::Meng67;
                 /// The highest learning rate: 5e-4, for `kind: matching` 2e-3.
-                lr: Option<f64> = None, unless "Option::is_none";
-                $($(#[$about])* $key: $type = $default;)*
+                lr: Option<f64> = None, 1e-12 to 1e30, unless "Option::is_none";
+                $($(#[$about])* $key: $type = $default, $low to $high;)*
             }
         }
 
@@ -90,29 +92,29 @@ macro_rules! shared {
 
 shared! {
     /// Numbers of an embedding.
-    dim: usize = 64;
+    dim: usize = 64, 1 to 65_536;
     /// Frames that are seen of a clip: a random window in training, else the first.
-    window: usize = 196;
+    window: usize = 196, 1 to 16_384;
     /// Words are hashed n-grams of this width, whatever the text encoder of the runs.
-    word_dim: usize = 128;
+    word_dim: usize = 128, 1 to 65_536;
     /// Words that are seen of a caption.
-    max_words: usize = 32;
+    max_words: usize = 32, 1 to 16_384;
     /// Share of the words of a caption that are left out in training.
-    word_drop: f64 = 0.3;
+    word_drop: f64 = 0.3, 0 to 0.999;
     /// Clips per step, contrasted with each other.
-    batch: usize = 64;
+    batch: usize = 64, 2 to 65_536;
     /// Steps of training.
-    steps: usize = 800;
+    steps: usize = 800, 1 to 100_000_000;
     /// Steps over which the learning rate rises; it falls along a cosine after them.
-    warmup_steps: usize = 100;
+    warmup_steps: usize = 100, 0 to 100_000_000;
     /// Decoupled, of AdamW.
-    weight_decay: f64 = 0.1;
+    weight_decay: f64 = 0.1, 0 to 1e3;
     /// Number of evaluations on the validation split; the best weights are kept.
-    evaluations: usize = 16;
+    evaluations: usize = 16, 1 to 100_000;
     /// Most training clips in memory.
-    pool_clips: usize = 8192;
+    pool_clips: usize = 8192, 2 to 10_000_000;
     /// Seed of weights, batches and windows.
-    seed: u64 = 0;
+    seed: u64 = 0, 0 to 18_446_744_073_709_551_615u64;
 }
 
 impl EvaluatorSection {
@@ -142,23 +144,15 @@ impl EvaluatorSection {
     }
 }
 
-/// Frames of a window, and words of a caption, for which there are places.
-const LONGEST: usize = 100_000;
-
 impl EvaluatorSpec {
     /// What no training can use.
     pub fn problems(&self) -> Vec<KeyProblem> {
-        let mut found = self.networks.problems();
+        let mut found = out_of_range::<EvaluatorSection>(self);
+        found.extend(self.networks.problems());
         found.extend(failed(each! {
             self;
-            |n| n > 0, "must be at least 1" => dim, word_dim, max_words, steps, evaluations;
             |n| n >= self.frames(), "holds at least the frames of one row" => window;
-            |n| n <= LONGEST, "must be at most 100000" => window, max_words;
-            |n| n > 1, "a clip is told from the others of its batch: at least 2" => batch;
             |n| n >= self.batch, "holds at least one `batch`" => pool_clips;
-            |share| (0.0..1.0).contains(&share), "lies in [0, 1)" => word_drop;
-            |rate| rate > 0.0, "must be above 0" => lr;
-            |decay| decay >= 0.0, "must not be negative" => weight_decay;
         }));
         found
     }
@@ -258,22 +252,13 @@ impl NetworksSpec {
 
     /// Problems that make training fail.
     fn problems(&self) -> Vec<KeyProblem> {
-        match self {
-            &Self::MotionClip(MotionClipSpec { width, heads, layers, frames }) => {
-                let divides = heads > 0 && width > 0 && width.is_multiple_of(2 * heads);
-                let turned = "width / heads must be an even whole number: RoPE turns pairs";
-                failed([
-                    (layers > 0, "layers", "must be at least 1"),
-                    (divides, "heads", turned),
-                    (frames > 0, "frames", "must be at least 1"),
-                ])
-            }
-            Self::Matching(MatchingSpec { width, margin, dropout, .. }) => failed([
-                (*width > 0, "width", "must be at least 1"),
-                (*margin > 0.0, "margin", "must be above 0"),
-                ((0.0..1.0).contains(dropout), "dropout", "lies in [0, 1)"),
-            ]),
+        let mut found = out_of_range::<EvaluatorSection>(self);
+        if let &Self::MotionClip(MotionClipSpec { width, heads, .. }) = self {
+            let divides = width.is_multiple_of(heads.saturating_mul(2));
+            let turned = "width / heads must be an even whole number: RoPE turns pairs";
+            found.extend(failed([(divides, "heads", turned)]));
         }
+        found
     }
 
     /// FLOPs of a row forward, of motions and captions alike.
@@ -324,7 +309,7 @@ mod tests {
         assert!((rates[100] - spec.lr).abs() < 1e-12 && rates[300].abs() < 1e-12);
     }
 
-    fn fields(yaml: &str) -> Vec<&'static str> {
+    fn fields(yaml: &str) -> Vec<String> {
         let section: EvaluatorSection = serde_yaml::from_str(yaml).unwrap();
         section.problems().into_iter().map(|problem| problem.field).collect()
     }
@@ -335,9 +320,8 @@ mod tests {
             assert_eq!(fields(kind), Vec::<&str>::new());
         }
         assert_eq!(fields("{heads: 3}"), ["heads"]);
-        assert_eq!(fields("{heads: 0, dim: 0}"), ["heads", "dim"]);
+        assert_eq!(fields("{batch: 1, word_drop: 1}"), ["word_drop", "batch"]);
         assert_eq!(fields("{window: 3}"), ["window"]);
-        assert_eq!(fields("{batch: 1, word_drop: 1}"), ["batch", "word_drop"]);
         assert_eq!(fields("{pool_clips: 8}"), ["pool_clips"]);
         assert_eq!(fields("{kind: matching, margin: 0, dropout: 1}"), ["margin", "dropout"]);
     }

@@ -39,8 +39,11 @@ mod quantizer;
 mod run;
 mod tokenizer;
 
+use schemars::{JsonSchema, schema_for};
 use serde::Serialize;
 use serde_json::Value;
+
+use crate::units::ranges;
 
 pub use data::{
     BrokenFiles, Clips, DataSection, DataSource, MemberSection, Origin, Representation,
@@ -78,15 +81,15 @@ pub use tokenizer::{
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("tokenizer.{field}: {problem}")]
 pub struct SpecError {
-    pub field: &'static str,
+    pub field: String,
     pub problem: String,
 }
 
 /// A key of a section that will not do, and how to mend it; an empty field is the section itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct KeyProblem {
-    pub field: &'static str,
-    pub problem: &'static str,
+    pub field: String,
+    pub problem: String,
     pub help: Option<&'static str>,
 }
 
@@ -96,8 +99,22 @@ impl KeyProblem {
         checks: impl IntoIterator<Item = (bool, &'static str, &'static str, Option<&'static str>)>,
     ) -> Vec<Self> {
         let failed = checks.into_iter().filter(|(holds, ..)| !holds);
-        failed.map(|(_, field, problem, help)| Self { field, problem, help }).collect()
+        failed
+            .map(|(_, field, problem, help)| Self {
+                field: field.into(),
+                problem: problem.into(),
+                help,
+            })
+            .collect()
     }
+}
+
+/// Numbers of a resolved description that lie outside the range of the key of that name in the section `S`: such
+/// a description may come from a file that no sweep was read from.
+fn out_of_range<S: JsonSchema>(part: &impl Serialize) -> Vec<KeyProblem> {
+    let value = serde_yaml::to_value(part).expect("specs are plain values");
+    let found = ranges::outside(&schema_for!(S).to_value(), &value).into_iter();
+    found.map(|(field, problem)| KeyProblem { field, problem, help: None }).collect()
 }
 
 /// The checks that do not hold, of such that need no help.
@@ -107,7 +124,7 @@ fn failed<const N: usize>(checks: [(bool, &'static str, &'static str); N]) -> Ve
 
 /// An error unless a condition holds.
 fn require(holds: bool, field: &'static str, problem: &str) -> Result<(), SpecError> {
-    if holds { Ok(()) } else { Err(SpecError { field, problem: problem.to_string() }) }
+    if holds { Ok(()) } else { Err(SpecError { field: field.into(), problem: problem.into() }) }
 }
 
 /// The first check that does not hold.

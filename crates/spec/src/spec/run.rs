@@ -264,27 +264,27 @@ section! {
         /// all where there is none.
         only: Vec<String> = Vec::new(), unless "Vec::is_empty";
         /// Number of repeats, each with one motion per test clip.
-        repeats: usize = 20;
+        repeats: usize = 20, 1 to 10_000;
         /// Strength of classifier-free guidance; `autoregressive` has none and is scored without.
-        guidance: f64 = 0.0;
+        guidance: f64 = 0.0, 0 to 1e3;
         /// Strength of caption guidance in decoding, for a tokenizer with language.
-        detokenizer_guidance: f64 = 0.0;
+        detokenizer_guidance: f64 = 0.0, 0 to 1e3;
         /// Divisor of the logits; 0 takes the likeliest code.
-        temperature: f64 = 1.0;
+        temperature: f64 = 1.0, 0 to 1e3;
         /// Codes are drawn among the likeliest so many.
-        top_k: Option<usize> = None, unless "Option::is_none";
+        top_k: Option<usize> = None, 1 to 16_777_216, unless "Option::is_none";
         /// Codes are drawn among the likeliest that together hold this share.
-        top_p: Option<f64> = None, unless "Option::is_none";
+        top_p: Option<f64> = None, 1e-6 to 1, unless "Option::is_none";
         /// `masked`: rounds in which codes are shown.
-        rounds: usize = 10;
+        rounds: usize = 10, 1 to 10_000;
         /// Captions that MultiModality is measured on; 0 leaves it out.
-        multimodal_captions: usize = 96;
+        multimodal_captions: usize = 96, 0 to 1_000_000;
         /// Motions of each of them.
-        multimodal_motions: usize = 30;
+        multimodal_motions: usize = 30, 1 to 10_000;
         /// Motions of a run that are kept as files, in `samples/<run>/scored`; those of the first repeat.
-        samples: usize = 16;
+        samples: usize = 16, 0 to 1_000_000;
         /// Seed of motions, pools and pairs.
-        seed: u64 = 0;
+        seed: u64 = 0, 0 to 18_446_744_073_709_551_615u64;
     }
 }
 
@@ -298,13 +298,8 @@ impl ScoresSpec {
     /// Problems that make scoring fail.
     pub fn problems(&self) -> Vec<KeyProblem> {
         let several = |n| self.multimodal_captions == 0 || n > 1;
-        let share = |p: Option<f64>| p.is_none_or(|share| share > 0.0 && share <= 1.0);
         failed(each! {
             self;
-            |n| n > 0, "must be at least 1" => repeats, rounds;
-            |x| x >= 0.0, "must not be negative" => guidance, detokenizer_guidance, temperature;
-            |k| k != Some(0), "must be at least 1" => top_k;
-            share, "lies in (0, 1]" => top_p;
             several, "two motions of a caption differ: at least 2" => multimodal_motions;
         })
     }

@@ -7,6 +7,7 @@
 //! ```
 
 pub mod number;
+pub mod ranges;
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -149,8 +150,9 @@ impl<'de, T: Ways> Visitor<'de> for Either<T> {
 pub trait ShortForm: DeserializeOwned + JsonSchema {
     /// The meaning of the number, for the reference page.
     const NUMBER: &'static str;
-    /// Its type in a JSON schema.
+    /// Its type in a JSON schema, and its range.
     const TYPE: &'static str;
+    const RANGE: [f64; 2];
 
     /// The section meant by the number.
     ///
@@ -162,7 +164,11 @@ pub trait ShortForm: DeserializeOwned + JsonSchema {
 /// Both ways of writing it.
 pub fn short_form_schema<T: ShortForm>(generator: &mut SchemaGenerator) -> Schema {
     let section = generator.subschema_for::<T>();
-    json_schema!({"anyOf": [{"type": T::TYPE, "description": T::NUMBER}, section]})
+    let [low, high] = T::RANGE;
+    let number = json_schema!({
+        "type": T::TYPE, "minimum": low, "maximum": high, "description": T::NUMBER,
+    });
+    json_schema!({"anyOf": [number, section]})
 }
 
 impl<T: ShortForm> Ways for T {

@@ -102,7 +102,8 @@ fn shown(value: &Value) -> String {
 
 // Sections of a sweep file, of which every key may be left out.
 
-/// A section from a list of its keys, each with its default; a key is not written if it is `unless`.
+/// A section from a list of its keys, each with its default and, for a number, its range; a key is not written
+/// if it is `unless`.
 #[macro_export]
 macro_rules! section {
     (
@@ -110,7 +111,8 @@ macro_rules! section {
         pub struct $name:ident {
             $(
                 $(#[$of_key:meta])*
-                $key:ident: $type:ty = $default:expr $(, unless $hidden:literal)?;
+                $key:ident: $type:ty = $default:expr
+                    $(, $low:literal to $high:literal)? $(, unless $hidden:literal)?;
             )*
         }
     ) => {
@@ -123,6 +125,7 @@ macro_rules! section {
                 $(#[$of_key])*
                 #[serde(deserialize_with = "crate::units::number::read")]
                 $(#[serde(skip_serializing_if = $hidden)])?
+                $(#[schemars(range(min = $low, max = $high))])?
                 pub $key: $type,
             )*
         }

@@ -182,7 +182,7 @@ pub enum ScaleSpec {
     /// Ten scales by name.
     Named(ScaleName),
     /// Codes of each scale, the coarsest first.
-    List(Vec<usize>),
+    List(#[schemars(inner(range(min = 1, max = 16_384)))] Vec<usize>),
 }
 
 /// Scales by name. LG-Tok's paper names all three; its code holds `full`, its Listing 1 `mid`. Of

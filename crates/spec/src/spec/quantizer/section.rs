@@ -7,7 +7,7 @@ use super::codebook::{
     CodebookKind, CodebookSpec, ScaleSpec, VocabularyError, are_increasing, codebook_sizes,
 };
 use super::{MultiscaleSpec, QuantizerSpec, ResidualSpec};
-use crate::spec::{SpecError, require_all};
+use crate::spec::{SpecError, require, require_all};
 use crate::units::number::{self, plain};
 
 plain!(QuantizerSection);
@@ -15,8 +15,6 @@ plain!(QuantizerSection);
 /// MoMask's layers, and how often it drops the last of them.
 const LAYERS: usize = 6;
 const DROPOUT: f64 = 0.2;
-/// Layers beyond which a number is taken for a slip of the pen.
-const MOST_LAYERS: usize = 64;
 /// LG-Tok's weight of the term that draws latents to their codes.
 const BETA: f64 = 1.0;
 
@@ -47,10 +45,12 @@ pub struct QuantizerSection {
     /// Residual: codebooks, 6.
     #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 64))]
     pub layers: Option<usize>,
     /// Residual: how often a training step uses only the first layers, a random number of them: 0.2.
     #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0, max = 1))]
     pub dropout: Option<f64>,
     /// Multi-scale: codes of each scale, as a list or by name: `full`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -62,11 +62,13 @@ pub struct QuantizerSection {
     /// codes to latents: 1.
     #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0, max = 1e6))]
     pub beta: Option<f64>,
     /// Multi-scale: weight of a convolution in the contribution of a scale (VAR). 0 means LG-Tok's two
     /// convolutions with ReLU, which are never negative: 0, for patches 0.5.
     #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0, max = 1))]
     pub mix: Option<f64>,
 }
 
@@ -177,13 +179,9 @@ impl QuantizerSection {
         let of_layers = "belongs to `kind: residual`";
         let of_scales = "belongs to `kind: multiscale`";
         let directions = "belongs to `kind: multiscale` with `inner: vq`";
-        let layers = (1..=MOST_LAYERS).contains(&self.n_codebooks()) || self.layers.is_none();
-        let share = |value: Option<f64>| value.is_none_or(|value| (0.0..=1.0).contains(&value));
-        let beta = self.beta.is_none_or(|beta| beta.is_finite() && beta >= 0.0);
         let increasing = self.scales.is_none() || are_increasing(&self.scale_lengths());
         let not_increasing =
             "must be one or more numbers above 0, each larger than the one before it";
-        let most = format!("must be 1 to {MOST_LAYERS}");
         require_all(belonging! {
             self, "quantizer.";
             several, inner => inner;
@@ -192,13 +190,7 @@ impl QuantizerSection {
             compared, directions => cosine;
             multiscale, of_scales => beta, mix;
         })?;
-        require_all([
-            (layers, "quantizer.layers", &most),
-            (share(self.dropout), "quantizer.dropout", "lies between 0 and 1"),
-            (share(self.mix), "quantizer.mix", "lies between 0 and 1"),
-            (beta, "quantizer.beta", "must not be negative"),
-            (increasing, "quantizer.scales", not_increasing),
-        ])
+        require(increasing, "quantizer.scales", not_increasing)
     }
 }
 
@@ -277,8 +269,6 @@ mod tests {
                 section(|s| s.dropout = Some(0.1), Multiscale),
                 "dropout: belongs to `kind: residual`",
             ),
-            (section(|s| s.layers = Some(0), Residual), "layers: must be 1 to 64"),
-            (section(|s| s.dropout = Some(1.5), Residual), "dropout: lies between"),
             (section(|s| s.scales = scales(&[]), Multiscale), "scales: must be one or more"),
             (section(|s| s.scales = scales(&[3, 3]), Multiscale), "scales: must be one or more"),
             (section(|s| s.scales = scales(&[0, 3]), Multiscale), "scales: must be one or more"),

@@ -17,8 +17,8 @@ pub use transformer::{
 };
 
 use super::{
-    CodebookKind, CodebookSpec, Grid, QuantizerKind, QuantizerSection, QuantizerSpec,
-    Representation, ResidualSpec, SpecError, TextSpec, require, require_all,
+    CodebookKind, CodebookSpec, Grid, KeyProblem, QuantizerKind, QuantizerSection, QuantizerSpec,
+    Representation, ResidualSpec, SpecError, TextSpec, out_of_range, require, require_all,
 };
 use crate::units::or_default;
 
@@ -96,9 +96,15 @@ impl TokenizerSpec {
     /// # Errors
     /// [`SpecError`].
     pub fn check(&self) -> Result<(), SpecError> {
+        let numbers = out_of_range::<TokenizerSection>(&self.architecture).into_iter();
+        let mut numbers = numbers.chain(out_of_range::<TokenizerSection>(&self.training));
+        numbers.next().map_or(Ok(()), |KeyProblem { field, problem, .. }| {
+            Err(SpecError { field, problem })
+        })?;
         self.architecture.check()?;
         let quantizer = self.quantizer.clone().checked();
-        quantizer.map_err(|error| SpecError { field: "quantizer", problem: error.problem })?;
+        quantizer
+            .map_err(|error| SpecError { field: "quantizer".into(), problem: error.problem })?;
         self.check_window()?;
         self.check_captions()?;
         self.plateau.map_or(Ok(()), |plateau| plateau.check(self.training.steps))?;
@@ -350,7 +356,6 @@ mod tests {
         let section = QuantizerKind::Vq.section();
         let bad = [
             (with(|s| s.window = Some(30)), "window"),
-            (with(|s| s.lr = Some(f64::NAN)), "lr"),
             (with(|s| s.lr = Some(0.0)), "lr"),
             (with(|s| s.down = Some(0)), "down"),
             (with(|s| s.beta_2 = Some(1.0)), "beta_2"),

@@ -76,7 +76,10 @@ pub enum TokenizerSchedule {
 /// The training of a tokenizer and the section of a sweep file, from one list of keys, each with its
 /// default for the convolutional autoencoder and for patches.
 macro_rules! keys {
-    ($($(#[$about:meta])* $key:ident: $type:ty = $default:expr, $patch:expr $(, unless $hidden:literal)?;)*) => {
+    ($(
+        $(#[$about:meta])* $key:ident: $type:ty = $default:expr, $patch:expr
+            $(, $low:literal to $high:literal)? $(, unless $hidden:literal)?;
+    )*) => {
         /// How a tokenizer is trained.
         ///
         /// The defaults of the convolutional autoencoder suit small widths on a CPU: T2M-GPT's recipe
@@ -113,29 +116,29 @@ macro_rules! keys {
                 /// The features of a frame that are read and made.
                 representation: Representation = Representation::default(), unless "crate::units::is_default";
                 /// Channels of the layers: 64, for patches 128; ScaMo has 512, LG-Tok 256.
-                width: Option<usize> = None, unless "Option::is_none";
+                width: Option<usize> = None, 2 to 8192, unless "Option::is_none";
                 /// Convolutional: residual blocks at each resolution, 3.
-                depth: Option<usize> = None, unless "Option::is_none";
+                depth: Option<usize> = None, 1 to 64, unless "Option::is_none";
                 /// Convolutional: halvings of the frame rate, 2; they make 4 frames a code.
-                down: Option<usize> = None, unless "Option::is_none";
+                down: Option<usize> = None, 1 to 6, unless "Option::is_none";
                 /// Patches and transformers: frames a code, 4.
-                frames: Option<usize> = None, unless "Option::is_none";
+                frames: Option<usize> = None, 1 to 64, unless "Option::is_none";
                 /// Patches and transformers: channels of a latent, 32; 512 in LG-Tok.
-                latent: Option<usize> = None, unless "Option::is_none";
+                latent: Option<usize> = None, 1 to 8192, unless "Option::is_none";
                 /// Patches: residual blocks of the encoder, 3; with 0, a code depends only on its own
                 /// frames.
-                encoder_blocks: Option<usize> = None, unless "Option::is_none";
+                encoder_blocks: Option<usize> = None, 0 to 64, unless "Option::is_none";
                 /// Patches: residual blocks of the decoder, 4.
-                decoder_blocks: Option<usize> = None, unless "Option::is_none";
+                decoder_blocks: Option<usize> = None, 0 to 64, unless "Option::is_none";
                 /// VQ of patches: patches that k-means begins a code from, on average: 48, and where codes
                 /// are learned 32,768 in all at least.
-                patches_per_code: Option<usize> = None, unless "Option::is_none";
+                patches_per_code: Option<usize> = None, 1 to 1_000_000, unless "Option::is_none";
                 /// VQ of patches: whether codes move after k-means, `learned`.
                 codes: Option<Codes> = None, unless "Option::is_none";
                 /// Transformers: layers of each half, an odd number: 3; 9 in LG-Tok.
-                layers: Option<usize> = None, unless "Option::is_none";
+                layers: Option<usize> = None, 1 to 127, unless "Option::is_none";
                 /// Transformers: heads of attention, 4.
-                heads: Option<usize> = None, unless "Option::is_none";
+                heads: Option<usize> = None, 1 to 128, unless "Option::is_none";
                 /// Transformers: the position of RMSNorm, `post`.
                 norm: Option<NormPlacement> = None, unless "Option::is_none";
                 /// Transformers: the encoding of positions, `learned`.
@@ -143,15 +146,19 @@ macro_rules! keys {
                 /// Transformers: how the detokenizer's frames see latents and text, `cross`.
                 detokenizer: Option<Detokenizer> = None, unless "Option::is_none";
                 /// Transformers: dropout on the output of each part of a layer: 0; 0.1 in LG-Tok.
-                dropout: Option<f64> = None, unless "Option::is_none";
+                dropout: Option<f64> = None, 0 to 0.999, unless "Option::is_none";
                 /// Transformers: which halves see the clip's caption; none if it is left out.
                 language: Option<LanguageSection> = None, unless "Option::is_none";
                 /// Ends training at the plateau of the validation split; left out, all steps are taken and the
                 /// last weights kept.
                 plateau: Option<Plateau> = None, unless "Option::is_none";
                 /// Seeds of several tokenizers a vocabulary: every cell is trained with each of them.
+                #[schemars(inner(range(min = 0, max = 18_446_744_073_709_551_615u64)))]
                 seeds: Vec<u64> = Vec::new(), unless "Vec::is_empty";
-                $($(#[$about])* $key: Option<$type> = None, unless "Option::is_none";)*
+                $(
+                    $(#[$about])* $key: Option<$type> = None
+                        $(, $low to $high)?, unless "Option::is_none";
+                )*
             }
         }
 
@@ -167,58 +174,58 @@ macro_rules! keys {
 keys! {
     /// Frames of a training window, whole latents: 64, for patches 96; more if a scale has more codes
     /// than the window has latents.
-    window: usize = 64, 96;
+    window: usize = 64, 96, 1 to 16_384;
     /// Windows a step: 32, for patches 24.
-    batch: usize = 32, 24;
+    batch: usize = 32, 24, 1 to 65_536;
     /// Training steps: 600, for patches 4000.
-    steps: usize = 600, 4000;
+    steps: usize = 600, 4000, 1 to 100_000_000;
     /// Learning rate after the warm-up: 1e-3.
-    lr: f64 = 1e-3, 1e-3;
+    lr: f64 = 1e-3, 1e-3, 1e-12 to 1e30;
     /// Steps over which the rate rises linearly: 50, for patches 100.
-    warmup_steps: usize = 50, 100;
+    warmup_steps: usize = 50, 100, 0 to 100_000_000;
     /// How the rate falls: `step`, for patches `cosine`.
     schedule: TokenizerSchedule = TokenizerSchedule::Step, TokenizerSchedule::Cosine;
     /// Share of the steps after which a rate falls at once: 0.8; 0.6 in ScaMo.
-    decay_at: f64 = 0.8, 0.8;
+    decay_at: f64 = 0.8, 0.8, 0 to 1;
     /// Final factor of the rate: 0.05, for patches 0.02.
-    decay_factor: f64 = 0.05, 0.02;
+    decay_factor: f64 = 0.05, 0.02, 0 to 1;
     /// The loss: `features`, for patches `joints`.
     loss: TokenizerLoss = TokenizerLoss::Features, TokenizerLoss::Joints;
     /// Weight of the joints' positions in the loss of features: 0.5.
-    position_weight: f64 = 0.5, 0.5;
+    position_weight: f64 = 0.5, 0.5, 0 to 1e6;
     /// Weight of the features in the loss of joints: 0.25.
-    feature_weight: f64 = 0.25, 0.25;
+    feature_weight: f64 = 0.25, 0.25, 0 to 1e6;
     /// Weight of the joints' velocities in the loss of joints: 0.05.
-    velocity_weight: f64 = 0.05, 0.05;
+    velocity_weight: f64 = 0.05, 0.05, 0 to 1e6;
     /// Weight of the joints' accelerations in the loss of joints, across the boundaries of codes too: 0.
-    acceleration_weight: f64 = 0.0, 0.0, unless "crate::units::is_default";
+    acceleration_weight: f64 = 0.0, 0.0, 0 to 1e6, unless "crate::units::is_default";
     /// Weight of the root's place on the ground in the loss of joints, summed over a window: 0.
-    root_weight: f64 = 0.0, 0.0, unless "crate::units::is_default";
+    root_weight: f64 = 0.0, 0.0, 0 to 1e6, unless "crate::units::is_default";
     /// VQ and scales: weight of the squared distance from latents to their codes: 0.02, for patches 1.
-    commitment: f64 = 0.02, 1.0;
+    commitment: f64 = 0.02, 1.0, 0 to 1e6;
     /// VQ: a code used less often than this fraction of the mean is reset: 0.025 for patches.
     /// 0 is T2M-GPT's rule, less than one latent per step.
-    reset_share: f64 = 0.0, 0.025;
+    reset_share: f64 = 0.0, 0.025, 0 to 0.999;
     /// Decay of the moving average of the weights that is kept in the end: none, for patches 0.998.
-    average: f64 = 0.0, 0.998;
+    average: f64 = 0.0, 0.998, 0 to 0.9999999;
     /// Mirrored clips are trained on too: `false`, for patches `true`.
     mirror: bool = false, true;
     /// With the loss of joints: how often a window gets the upper body of another clip: 0.7.
-    mix_body: f64 = 0.0, 0.7;
+    mix_body: f64 = 0.0, 0.7, 0 to 1;
     /// With the loss of joints: how often a window gets an arm of another clip, for each arm: 0.3.
-    mix_arm: f64 = 0.0, 0.3;
+    mix_arm: f64 = 0.0, 0.3, 0 to 1;
     /// AdamW's β₁: 0.9.
-    beta_1: f64 = 0.9, 0.9;
+    beta_1: f64 = 0.9, 0.9, 0 to 0.9999999;
     /// AdamW's β₂: 0.99.
-    beta_2: f64 = 0.99, 0.99;
+    beta_2: f64 = 0.99, 0.99, 0 to 0.9999999;
     /// AdamW's decoupled weight decay: 0, for patches 0.01.
-    weight_decay: f64 = 0.0, 0.01;
+    weight_decay: f64 = 0.0, 0.01, 0 to 1e3;
     /// Norm that gradients are scaled down to: none, for patches 1; 0 for none.
-    clip_norm: f64 = 0.0, 1.0;
+    clip_norm: f64 = 0.0, 1.0, 0 to 1e6;
     /// Training clips kept in memory and trained on: 2048.
-    pool_clips: usize = 2048, 2048;
+    pool_clips: usize = 2048, 2048, 1 to 10_000_000;
     /// Seed of the weights, the pool and the windows: 0.
-    seed: u64 = 0, 0;
+    seed: u64 = 0, 0, 0 to 18_446_744_073_709_551_615u64;
 }
 
 impl TokenizerTraining {
@@ -247,22 +254,10 @@ impl TokenizerTraining {
 
     /// The first field that no training can use.
     pub(super) fn check(&self) -> Result<(), SpecError> {
-        let at_least_0 = |x: f64| x.is_finite() && x >= 0.0;
-        let below_1 = |x: f64| (0.0..1.0).contains(&x);
-        let share = |x: f64| (0.0..=1.0).contains(&x);
         let joints = |x: f64| x == 0.0 || self.loss == TokenizerLoss::Joints;
-        let (between, of_joints) = ("lies between 0 and 1", "belongs to `loss: joints`");
         require_all(each! {
             self;
-            |n| n > 0, "must be at least 1" => batch, steps, pool_clips;
-            at_least_0, "must not be negative" => lr, decay_at, decay_factor, position_weight,
-                feature_weight, velocity_weight, acceleration_weight, root_weight, commitment, weight_decay, clip_norm;
-            |rate| rate > 0.0, "a rate is above 0" => lr;
-            below_1, "lies in [0, 1)" => beta_1, beta_2, average, reset_share;
-            share, between => mix_body;
-            joints, of_joints => mix_body;
-            share, between => mix_arm;
-            joints, of_joints => mix_arm;
+            joints, "belongs to `loss: joints`" => mix_body, mix_arm;
         })
     }
 }
@@ -273,9 +268,9 @@ section! {
     #[derive(Copy, Eq)]
     pub struct Plateau {
         /// Times that the validation split is measured, spread evenly over the steps.
-        evaluations: usize = 20;
+        evaluations: usize = 20, 1 to 100_000;
         /// Measurements in a row without a new best after which training ends.
-        patience: usize = 5;
+        patience: usize = 5, 1 to 100_000;
     }
 }
 
@@ -283,8 +278,7 @@ impl Plateau {
     /// The first setting that no training of so many steps can use.
     pub(super) fn check(&self, steps: usize) -> Result<(), SpecError> {
         let evaluated = (1..=steps).contains(&self.evaluations);
-        require(evaluated, "plateau.evaluations", "lies between 1 and the steps")?;
-        require(self.patience > 0, "plateau.patience", "must be at least 1")
+        require(evaluated, "plateau.evaluations", "lies between 1 and the steps")
     }
 }
 
