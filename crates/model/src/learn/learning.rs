@@ -253,6 +253,7 @@ pub fn step_of(path: &Path) -> Option<usize> {
     let mut head = Vec::new();
     file.take(u64::from_le_bytes(length)).read_to_end(&mut head).ok()?;
     let head: Value = serde_json::from_slice(&head).ok()?;
-    let header: Header = serde_json::from_str(head["__metadata__"][HEADER].as_str()?).ok()?;
+    let notes = weights::verified(head["__metadata__"][weights::NOTES].as_str()?)?;
+    let header: Header = serde_json::from_str(notes.get(HEADER)?).ok()?;
     Some(header.step)
 }

@@ -178,7 +178,7 @@ impl ModuleMapper for Writer {
 
 /// The one metadata entry: the digest of the notes, then the notes in JSON. One, since the library writes several in
 /// any order, and the same weights are the same file.
-const NOTES: &str = "notes";
+pub(super) const NOTES: &str = "notes";
 /// The note with the digest of the numbers.
 const DIGEST: &str = "digest";
 
@@ -187,8 +187,8 @@ fn signed(notes: &BTreeMap<String, String>) -> String {
     blake3::hash(text.as_bytes()).to_hex().to_string() + &text
 }
 
-/// The notes of [`signed`]; `None` if they are others.
-fn verified(text: &str) -> Option<BTreeMap<String, String>> {
+/// The notes of a file's entry [`NOTES`]; `None` if they are not those that were written.
+pub(super) fn verified(text: &str) -> Option<BTreeMap<String, String>> {
     let (digest, notes) = text.split_at_checked(2 * blake3::OUT_LEN)?;
     let is_whole = blake3::hash(notes.as_bytes()).to_hex().as_str() == digest;
     is_whole.then(|| serde_json::from_str(notes).ok())?
