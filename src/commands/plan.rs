@@ -43,7 +43,7 @@ impl PlanArgs {
         {
             output.warn(&format!(
                 "hours on a {} are not known: give your trainer's utilisation as engine.mfu, as \
-                 `--set engine.mfu=0.3`, or by a finished run",
+                 in `--set engine.mfu=0.3`, or finish a run",
                 card.name
             ));
             return Ok(None);

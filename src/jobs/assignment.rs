@@ -1,6 +1,6 @@
 //! [`Assignment`]: the job of a worker, and the repair of damaged files.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -25,8 +25,8 @@ pub const MODEL: &str = "model.safetensors";
 pub const OF_RUN: &str = "run";
 
 /// Its notes.
-pub fn weights_notes(run_id: &str) -> HashMap<String, String> {
-    HashMap::from([(OF_RUN.to_string(), run_id.to_string())])
+pub fn weights_notes(run_id: &str) -> BTreeMap<String, String> {
+    BTreeMap::from([(OF_RUN.to_string(), run_id.to_string())])
 }
 
 /// The validation curve of a finished run, a line a measurement, in its folder.

@@ -233,6 +233,7 @@ mod tests {
             let mut record: RunRecord =
                 serde_json::from_str(include_str!("../../tests/fixtures/record-format-1.json"))
                     .unwrap();
+            record.planned.run_id.clone_from(&run.run_id);
             record.planned.budget_flops = run.spec.budget_flops;
             record.measured.wall_s = Some(run.spec.budget_flops / (989e12 * mfu));
             record.measured.device = Some(device.to_string());

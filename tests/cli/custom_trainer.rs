@@ -202,7 +202,7 @@ fn the_time_that_a_program_takes_is_unknown_until_a_run_of_it_is_done() {
     let of_the_built_in = ["of memory", "on disk", "side by side"];
     assert!(of_the_built_in.iter().all(|words| !said.contains(words)), "{said}");
     assert_eq!(plan(&["--json"]).json()["runs"][0]["peak_bytes"], Value::Null);
-    plan(&["--gpu", "h100"]).says("told by engine.mfu").does_not_say("do not fit");
+    plan(&["--gpu", "h100"]).says("as engine.mfu, as in").does_not_say("do not fit");
     place.isoflop(&["run", "own.yaml"]).exits(0);
     let more = ["--set", "grid.budgets=[1e9, 3e9]", "--jobs", "1", "--json"];
     let hours = plan(&more).json()["hours"].as_f64().expect("a time");

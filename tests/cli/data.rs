@@ -103,7 +103,7 @@ fn a_sweep_is_sized_to_the_data_and_the_time() {
         "{checked}"
     );
     let init = ["init", "study.yaml", "--data", "made", "--hours", "100"];
-    let ended = place.isoflop(&init).exits(0).says("laws of so little motion");
+    let ended = place.isoflop(&init).exits(0).says("the laws describe repeated data");
     let said = ended.says("small-test: the test split holds about").stdout();
     assert!(said.contains("next     isoflop run study.yaml"), "{said}");
     let text = String::from_utf8(place.read("study.yaml")).expect("UTF-8");

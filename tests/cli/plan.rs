@@ -118,7 +118,7 @@ fn a_dropped_cell_is_listed_with_its_reason() {
 
     let text = |words: &[&str]| {
         let without_json = [&args[..2], &args[3..], words].concat();
-        place.isoflop(&without_json).exits(0).stdout().to_string()
+        place.isoflop(&without_json).exits(0).stdout()
     };
     let screen = text(&[]);
     assert!(screen.contains("dropped: 2 cells by grid.exclude; --full lists them"), "{screen}");
@@ -131,7 +131,7 @@ fn a_plan_shows_a_line_a_budget_and_every_run_on_demand() {
     let place = Place::with("mini.yaml");
     let rows = |words: &[&str]| {
         let asked = [&["plan", "mini.yaml", "--set", "seeds=[0, 1, 2]"], words].concat();
-        let text = place.isoflop(&asked).exits(0).stdout().to_string();
+        let text = place.isoflop(&asked).exits(0).stdout();
         let budget = |line: &str| line.split_whitespace().next()?.parse::<f64>().ok();
         let is_row =
             |line: &&str| budget(line).is_some_and(|c| c >= 1e9) && !line.contains("FLOPs");

@@ -116,8 +116,8 @@ impl<'a> Desk<'a> {
                 format!("; with --hours {hours} it is {EPOCHS} times at most")
             });
             warnings.push(format!(
-                "the optimum of the largest budget will see the data about {epochs:.0} times: laws of so \
-                 little motion are laws of its repetition{less}"
+                "the best run of the largest budget repeats the data about {epochs:.0} times, so the laws \
+                 describe repeated data, not new data{less}"
             ));
         }
         if offer.hours > self.args.hours {

@@ -12,7 +12,7 @@ pub use process::{GRACE, guard, wake_guard};
 pub use result::{FinishedRun, TrainerResult};
 pub use spec::TrainerSpec;
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf, absolute};
@@ -124,7 +124,7 @@ fn with_init(
     let path = spec.out.with_file_name("init.safetensors");
     if !path.exists() {
         let first = generator::of(run).first_weights(run, assignment.device);
-        weights::save(&path, &first, HashMap::new())?;
+        weights::save(&path, &first, BTreeMap::new())?;
     }
     Ok(TrainerSpec { init: Some(path), ..spec })
 }

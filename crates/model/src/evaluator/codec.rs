@@ -120,8 +120,8 @@ impl Evaluator {
         let sizes = serde_json::json!({
             "networks": spec.networks, "dim": spec.dim, "word_dim": spec.word_dim
         });
-        let problem = problem.or_else(|| weights::beyond(&sizes, &tensors));
-        if let Some(problem) = problem.or_else(|| weights::no_rate(fps)) {
+        let problem = problem.or_else(|| described::beyond(&sizes, &tensors));
+        if let Some(problem) = problem.or_else(|| described::no_rate(fps)) {
             return Err(FileError::damaged(&folder.join(SPEC), problem).into());
         }
         let seen = Seen { spec, stats: weights::take_stats(&mut tensors)? };

@@ -1,10 +1,11 @@
 //! A module in a folder: its weights and, in JSON, its description, without which they are nothing.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde_json::Value;
 
 use super::weights::{self, Sources, Weights};
 use crate::files::atomic::{json, write_bytes};
@@ -31,7 +32,7 @@ pub fn save(
     weights::save(
         &folder.join(WEIGHTS),
         sources,
-        HashMap::from([(DESCRIPTION.to_string(), digest)]),
+        BTreeMap::from([(DESCRIPTION.to_string(), digest)]),
     )?;
     write_bytes(&path, text.as_bytes())
 }
@@ -53,6 +54,28 @@ pub fn load<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<(T, Weight
             Err(FileError::damaged(&path, "it is not the description of the weights beside it"))
         }
         _ => Ok((description, weights)),
+    }
+}
+
+/// Why a number is no rate of frames; `None` if it is one.
+pub fn no_rate(fps: f64) -> Option<String> {
+    let is_rate = fps.is_finite() && fps > 0.0;
+    (!is_rate).then(|| format!("{fps} frames a second are no rate"))
+}
+
+/// The first whole number of a description, with its key, that is larger than every dimension of the weights:
+/// a model of such a size has other weights, and may not fit into memory.
+pub fn beyond(description: &impl Serialize, tensors: &Weights) -> Option<String> {
+    let most = tensors.values().flat_map(|tensor| &tensor.shape).max().copied().unwrap_or(0);
+    let found = larger("", &serde_json::to_value(description).ok()?, most as u64);
+    found.map(|(key, n)| format!("its {key} of {n} is larger than any of its weights"))
+}
+
+fn larger(key: &str, value: &Value, most: u64) -> Option<(String, u64)> {
+    match value {
+        Value::Object(entries) => entries.iter().find_map(|(key, value)| larger(key, value, most)),
+        Value::Array(items) => items.iter().find_map(|item| larger(key, item, most)),
+        _ => value.as_u64().filter(|n| *n > most).map(|n| (key.to_string(), n)),
     }
 }
 

@@ -1,7 +1,7 @@
 //! [`Learning`]: the one loop, and its checkpoints: all that learning needs to go on with the same bits, in
 //! one file.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -195,7 +195,7 @@ impl<L: Learner> Learning<L> {
         tensors.extend(prefixed(LEARNER, own));
         let header = Header { step: self.step, wall_s: self.wall_s(), learner: note };
         let header = serde_json::to_string(&header).expect("plain values");
-        weights::save(path, &tensors, HashMap::from([(HEADER.to_string(), header)]))
+        weights::save(path, &tensors, BTreeMap::from([(HEADER.to_string(), header)]))
     }
 
     /// Seconds spent, including earlier processes.
@@ -253,6 +253,7 @@ pub fn step_of(path: &Path) -> Option<usize> {
     let mut head = Vec::new();
     file.take(u64::from_le_bytes(length)).read_to_end(&mut head).ok()?;
     let head: Value = serde_json::from_slice(&head).ok()?;
-    let header: Header = serde_json::from_str(head["__metadata__"][HEADER].as_str()?).ok()?;
+    let notes = weights::verified(head["__metadata__"][weights::NOTES].as_str()?)?;
+    let header: Header = serde_json::from_str(notes.get(HEADER)?).ok()?;
     Some(header.step)
 }

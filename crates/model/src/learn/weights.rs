@@ -8,8 +8,6 @@ use std::path::Path;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Tensor, TensorData};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, View, serialize};
-use serde::Serialize;
-use serde_json::Value;
 
 use crate::data::FeatureStats;
 use crate::failure::FailureKind;
@@ -178,17 +176,22 @@ impl ModuleMapper for Writer {
 
 // Safetensors files of weights, with a digest of their numbers.
 
-/// The metadata key of the digest.
+/// The one metadata entry: the digest of the notes, then the notes in JSON. One, since the library writes several in
+/// any order, and the same weights are the same file.
+pub(super) const NOTES: &str = "notes";
+/// The note with the digest of the numbers.
 const DIGEST: &str = "digest";
-/// The same of all other notes.
-const NOTES_DIGEST: &str = "notes_digest";
 
-fn digest_of_notes(notes: &HashMap<String, String>) -> String {
-    let mut hasher = blake3::Hasher::new();
-    for (name, note) in notes.iter().collect::<BTreeMap<_, _>>() {
-        hasher.update(name.as_bytes()).update(&[0]).update(note.as_bytes()).update(&[0]);
-    }
-    hasher.finalize().to_hex().to_string()
+fn signed(notes: &BTreeMap<String, String>) -> String {
+    let text = serde_json::to_string(notes).expect("strings are JSON");
+    blake3::hash(text.as_bytes()).to_hex().to_string() + &text
+}
+
+/// The notes of a file's entry [`NOTES`]; `None` if they are not those that were written.
+pub(super) fn verified(text: &str) -> Option<BTreeMap<String, String>> {
+    let (digest, notes) = text.split_at_checked(2 * blake3::OUT_LEN)?;
+    let is_whole = blake3::hash(notes.as_bytes()).to_hex().as_str() == digest;
+    is_whole.then(|| serde_json::from_str(notes).ok())?
 }
 
 fn digest<'a>(tensors: impl Iterator<Item = (&'a String, Cow<'a, [f32]>)>) -> String {
@@ -206,12 +209,11 @@ fn digest<'a>(tensors: impl Iterator<Item = (&'a String, Cow<'a, [f32]>)>) -> St
 pub fn save(
     path: &Path,
     sources: &Sources,
-    mut notes: HashMap<String, String>,
+    mut notes: BTreeMap<String, String>,
 ) -> Result<(), FileError> {
     let values = || sources.iter().map(|(name, source)| (name, source.values()));
-    let of_notes = digest_of_notes(&notes);
     notes.insert(DIGEST.to_string(), digest(values()));
-    notes.insert(NOTES_DIGEST.to_string(), of_notes);
+    let notes = HashMap::from([(NOTES.to_string(), signed(&notes))]);
     let lengths = sources.iter().map(|(name, source)| (name, Length(source)));
     let head = serialize(lengths, Some(notes))
         .map_err(|error| FileError::write(path)(io::Error::other(error)))?;
@@ -247,24 +249,25 @@ impl View for Length<'_> {
 ///
 /// # Errors
 /// [`FileError::Read`] and [`FileError::Damaged`].
-pub fn load(path: &Path) -> Result<(Weights, HashMap<String, String>), FileError> {
+pub fn load(path: &Path) -> Result<(Weights, BTreeMap<String, String>), FileError> {
     let bytes = read_regular(path, ANY).map_err(FileError::read(path))?;
     read(&bytes).map_err(|reason| FileError::damaged(path, reason))
 }
 
-fn read(bytes: &[u8]) -> Result<(Weights, HashMap<String, String>), String> {
+fn read(bytes: &[u8]) -> Result<(Weights, BTreeMap<String, String>), String> {
     let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| error.to_string())?;
     let file = SafeTensors::deserialize(bytes).map_err(|error| error.to_string())?;
     let tensors = file.iter().map(|(name, view)| Ok((name.to_string(), host_tensor(name, &view)?)));
     let weights = tensors.collect::<Result<Weights, String>>()?;
-    let mut notes = header.metadata().clone().unwrap_or_default();
+    let entries = header.metadata().clone().unwrap_or_default();
+    // Files of other programs have notes of their own.
+    let mut notes = match entries.get(NOTES) {
+        Some(text) => verified(text).ok_or("its notes are not those that were written")?,
+        None => entries.into_iter().collect(),
+    };
     let numbers = weights.iter().map(|(name, tensor)| (name, Cow::Borrowed(&tensor.values[..])));
-    // Files of other programs have no digest.
     if notes.remove(DIGEST).is_some_and(|written| written != digest(numbers)) {
         return Err("its numbers are not those that were written".to_string());
-    }
-    if notes.remove(NOTES_DIGEST).is_some_and(|written| written != digest_of_notes(&notes)) {
-        return Err("its notes are not those that were written".to_string());
     }
     Ok((weights, notes))
 }
@@ -315,28 +318,6 @@ pub fn take_stats(tensors: &mut Weights) -> Result<FeatureStats, WeightsError> {
     Ok(FeatureStats { mean, std })
 }
 
-/// Why a number is no rate of frames; `None` if it is one.
-pub fn no_rate(fps: f64) -> Option<String> {
-    let is_rate = fps.is_finite() && fps > 0.0;
-    (!is_rate).then(|| format!("{fps} frames a second are no rate"))
-}
-
-/// The first whole number of a description, with its key, that is larger than every dimension of the weights:
-/// a model of such a size has other weights, and may not fit into memory.
-pub fn beyond(description: &impl Serialize, tensors: &Weights) -> Option<String> {
-    let most = tensors.values().flat_map(|tensor| &tensor.shape).max().copied().unwrap_or(0);
-    let found = larger("", &serde_json::to_value(description).ok()?, most as u64);
-    found.map(|(key, n)| format!("its {key} of {n} is larger than any of its weights"))
-}
-
-fn larger(key: &str, value: &Value, most: u64) -> Option<(String, u64)> {
-    match value {
-        Value::Object(entries) => entries.iter().find_map(|(key, value)| larger(key, value, most)),
-        Value::Array(items) => items.iter().find_map(|item| larger(key, item, most)),
-        _ => value.as_u64().filter(|n| *n > most).map(|n| (key.to_string(), n)),
-    }
-}
-
 /// Puts a number among the tensors, in single precision.
 pub fn insert_number(tensors: &mut Sources, name: &str, number: f64) {
     insert(tensors, name, vec![number as f32]);
@@ -364,7 +345,7 @@ mod tests {
         let module = LinearConfig::new(3, 5).init(&device);
         let weights = on_host(&of_module(&module));
         assert_eq!(weights["weight"].shape, [3, 5]);
-        save(&path, &of_module(&module), HashMap::from([("step".into(), "12".into())])).unwrap();
+        save(&path, &of_module(&module), BTreeMap::from([("step".into(), "12".into())])).unwrap();
         let (read, notes) = load(&path).unwrap();
         assert_eq!((read.clone(), notes["step"].as_str()), (weights.clone(), "12"));
         let other = into_module(LinearConfig::new(3, 5).init(&device), read.clone()).unwrap();
@@ -378,10 +359,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("w.safetensors");
         let tensor = HostTensor { shape: vec![2], values: vec![1.0, 2.0] };
-        let notes = HashMap::from([("step".into(), "12".into())]);
+        let notes = BTreeMap::from([("step".into(), "12".into())]);
         save(&path, &Sources::from([("gain".into(), Source::Host(tensor))]), notes).unwrap();
         let bytes = std::fs::read(&path).unwrap();
-        let note = bytes.windows(4).position(|four| four == b"\"12\"").unwrap() + 1;
+        let note = bytes.windows(3).position(|three| three == br"12\").unwrap();
         for (place, what) in [(bytes.len() - 1, "numbers"), (note, "notes")] {
             let mut flipped = bytes.clone();
             flipped[place] ^= 1;

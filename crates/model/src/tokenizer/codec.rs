@@ -189,8 +189,8 @@ impl Tokenizer {
         let (spec, mut tensors): (TokenizerSpec, _) = described::load(folder, SPEC)?;
         spec.check()?;
         let fps = weights::take_number(&mut tensors, FPS).unwrap_or(data::FPS);
-        let beyond = weights::beyond(&(&spec.architecture, &spec.quantizer), &tensors);
-        if let Some(problem) = beyond.or_else(|| weights::no_rate(fps)) {
+        let beyond = described::beyond(&(&spec.architecture, &spec.quantizer), &tensors);
+        if let Some(problem) = beyond.or_else(|| described::no_rate(fps)) {
             return Err(FileError::damaged(&folder.join(SPEC), problem).into());
         }
         let stats = weights::take_stats(&mut tensors)?;

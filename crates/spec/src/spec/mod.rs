@@ -93,6 +93,12 @@ pub struct KeyProblem {
     pub help: Option<&'static str>,
 }
 
+impl From<KeyProblem> for SpecError {
+    fn from(KeyProblem { field, problem, .. }: KeyProblem) -> Self {
+        Self { field, problem }
+    }
+}
+
 impl KeyProblem {
     /// The checks that do not hold.
     pub fn failed(

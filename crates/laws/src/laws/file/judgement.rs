@@ -245,14 +245,14 @@ mod tests {
         let said = |measured| Validated::new(BEYOND, PREDICTED, measured).sentence().unwrap();
         assert_eq!(
             said(MEASURED),
-            "A forecast for 3e12 FLOPs MISSED: L_u -5.180 (95 %: -5.280 to -5.080), and the best of 5 runs has -5.035."
+            "A forecast for 3e12 FLOPs MISSED: L_u -5.180 (95 %: -5.280 to -5.080), and the best of 5 runs measured -5.035."
         );
         assert!(
             said(Measured { loss: -5.1, ..MEASURED })
                 .starts_with("A forecast for 3e12 FLOPs held:")
         );
         let larger = said(Measured { params_nonvocab: 5e4, params_vocab: 3e5, ..MEASURED });
-        assert!(larger.ends_with("has -5.035; its N_nv and N_v lie outside."), "{larger}");
+        assert!(larger.ends_with("measured -5.035; its N_nv and N_v lie outside."), "{larger}");
     }
 
     #[test]

@@ -17,7 +17,7 @@ pub use transformer::{
 };
 
 use super::{
-    CodebookKind, CodebookSpec, Grid, KeyProblem, QuantizerKind, QuantizerSection, QuantizerSpec,
+    CodebookKind, CodebookSpec, Grid, QuantizerKind, QuantizerSection, QuantizerSpec,
     Representation, ResidualSpec, SpecError, TextSpec, out_of_range, require, require_all,
 };
 use crate::units::or_default;
@@ -96,11 +96,9 @@ impl TokenizerSpec {
     /// # Errors
     /// [`SpecError`].
     pub fn check(&self) -> Result<(), SpecError> {
-        let numbers = out_of_range::<TokenizerSection>(&self.architecture).into_iter();
-        let mut numbers = numbers.chain(out_of_range::<TokenizerSection>(&self.training));
-        numbers.next().map_or(Ok(()), |KeyProblem { field, problem, .. }| {
-            Err(SpecError { field, problem })
-        })?;
+        let mut numbers = out_of_range::<TokenizerSection>(&self.architecture);
+        numbers.extend(out_of_range::<TokenizerSection>(&self.training));
+        numbers.into_iter().next().map_or(Ok(()), |problem| Err(SpecError::from(problem)))?;
         self.architecture.check()?;
         let quantizer = self.quantizer.clone().checked();
         quantizer
@@ -345,28 +343,26 @@ mod tests {
             TokenizerSpec { quantizer: QuantizerSpec::Vq { n_vocab: 32 }, ..Default::default() };
         let text = serde_json::to_string(&spec).unwrap();
         assert_eq!(serde_json::from_str::<TokenizerSpec>(&text).unwrap(), spec);
-        let text = r#"{"training": {"widht": 8}}"#;
-        let error = serde_json::from_str::<TokenizerSpec>(text).unwrap_err();
+        let error = serde_json::from_str::<TokenizerSpec>(r#"{"widht": 8}"#).unwrap_err();
         assert!(error.to_string().contains("widht"), "{error}");
     }
 
     #[test]
     fn a_bad_field_is_named() {
         assert!(TokenizerSection::default().check().is_ok());
-        let section = QuantizerKind::Vq.section();
         let bad = [
             (with(|s| s.window = Some(30)), "window"),
             (with(|s| s.lr = Some(0.0)), "lr"),
             (with(|s| s.down = Some(0)), "down"),
             (with(|s| s.beta_2 = Some(1.0)), "beta_2"),
-            (with(|s| s.quantizer = Some(section)), "quantizer"),
+            (with(|s| s.quantizer = Some(QuantizerKind::Vq.section())), "quantizer"),
         ];
         for (section, field) in bad {
             let error = section.check().unwrap_err().to_string();
             assert!(error.starts_with(&format!("tokenizer.{field}: ")), "{error}");
         }
-        let levels = |levels: &[usize]| QuantizerSpec::Fsq { levels: levels.to_vec() };
-        for quantizer in [levels(&[8, 1]), levels(&[usize::MAX, 9]), levels(&[])] {
+        for levels in [vec![8, 1], vec![usize::MAX, 9], vec![]] {
+            let quantizer = QuantizerSpec::Fsq { levels };
             let spec = TokenizerSpec { quantizer, ..TokenizerSpec::default() };
             assert_eq!(spec.check().unwrap_err().field, "quantizer");
         }
@@ -378,8 +374,7 @@ mod tests {
         let long = with(|s| (s.kind, s.quantizer) = (TokenizerKind::Convolutional, quantizer));
         let short = with(|s| s.kind = TokenizerKind::Vq);
         assert_eq!(long.quantizer(), short.quantizer());
-        let text = TextSpec::default();
-        let spec = |section: &TokenizerSection| section.spec(QuantizerSpec::default(), &text);
+        let spec = |one: &TokenizerSection| one.spec(QuantizerSpec::default(), &Default::default());
         assert_eq!(spec(&long), spec(&short));
     }
 
@@ -390,9 +385,9 @@ mod tests {
         let quantizer = section.quantizer().of_size(64).unwrap();
         assert_eq!(section.spec(quantizer, &TextSpec::default()).training.window, 196);
         assert!(section.check().is_ok());
-        let mix = |section: &TokenizerSection| match section.quantizer().of_size(64).unwrap() {
-            QuantizerSpec::Multiscale(own) => own.mix,
-            other => panic!("{other:?}"),
+        let mix = |section: &TokenizerSection| {
+            let quantizer = section.quantizer().of_size(64).unwrap();
+            if let QuantizerSpec::Multiscale(own) = quantizer { own.mix } else { Some(f64::NAN) }
         };
         let mut plain = section.quantizer.clone().unwrap();
         plain.mix = Some(0.0);

@@ -89,7 +89,7 @@ fn a_best_cell_that_lost_a_run_is_told_of() {
     let mut points = Simulated { n_seeds: 2, ..simulated() }.points();
     let told = |points: &[IsoFlopPoint]| {
         let laws = fit(points, &options()).unwrap();
-        laws.warnings.into_iter().find(|warning| warning.contains("luckier"))
+        laws.warnings.into_iter().find(|warning| warning.contains("biased low"))
     };
     assert_eq!(told(&points), None);
     // Of the best cell the worse run is lost, as by divergence.
