@@ -44,8 +44,13 @@ pub enum NpyProblem {
 /// [`NpyProblem`] for another type, Fortran order, a length that does not fit the shape, and
 /// numbers that are not finite in single precision.
 pub fn parse_npy(bytes: &[u8]) -> Result<NpyArray, NpyProblem> {
-    if header_bytes(bytes) > LONGEST_HEADER {
+    let length = header_bytes(bytes);
+    if length > LONGEST_HEADER {
         return Err(NpyProblem::Header("its header is too long".to_string()));
+    }
+    let opened = bytes.iter().take(12 + length).filter(|byte| b"([{".contains(byte));
+    if opened.count() > MOST_BRACKETS {
+        return Err(NpyProblem::Header("its header has too many brackets".to_string()));
     }
     let mut data = bytes;
     let header =
@@ -70,6 +75,9 @@ pub fn parse_npy(bytes: &[u8]) -> Result<NpyArray, NpyProblem> {
 
 /// Bytes of a header: a type and a shape. What reads it takes memory for as many as a file claims.
 const LONGEST_HEADER: usize = 1024;
+/// Opening brackets of a header, of which a plain array has two. What reads it takes twice the time for each one that
+/// nothing closes.
+const MOST_BRACKETS: usize = 8;
 
 /// The length of the header, which stands behind eight bytes, in two or, from version 2 on, four.
 fn header_bytes(bytes: &[u8]) -> usize {
