@@ -128,7 +128,7 @@ fn budgets(plan: &Plan, states: &RunStates) -> String {
             dash(epochs, few_digits),
         ]
     };
-    let heads = ["C", "runs", "done", "d", "N_nv", "V", "D", "max epochs"];
+    let heads = ["C", "runs", "done", "d", "N_nv", "V", "D", "epochs"];
     table(heads, by_budget.iter().map(row))
 }
 
