@@ -93,7 +93,7 @@ fn rounds_that_cannot_be_are_refused_in_a_sentence() {
     let run = |more: &[&str]| place.isoflop(&[&["run", "mini.yaml"][..], more].concat()).exits(2);
     run(&["--until", "0.02"]).says("--rounds");
     run(&["--rounds", "0"]).says("--rounds");
-    run(&["--rounds", "3", "--until", "2"]).says("not a share between 0 and 1");
+    run(&["--rounds", "3", "--until", "2"]).says("not a fraction between 0 and 1");
     run(&["--rounds", "3", "--engine", "slurm"]).says("--engine local");
     run(&["--rounds", "3", "--set", "predict.budgets=[]"]).says("predict.budgets=[1e12]");
     std::fs::create_dir_all(place.path("results/mini")).unwrap();

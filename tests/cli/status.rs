@@ -59,7 +59,7 @@ fn remove_runs(place: &Place, ids: &[String]) {
 fn a_folder_that_is_no_sweeps_is_named() {
     let place = Place::new();
     for command in ["status", "cancel"] {
-        place.isoflop(&[command, "nowhere"]).exits(2).says("nowhere is no sweep's folder");
+        place.isoflop(&[command, "nowhere"]).exits(2).says("nowhere is not a sweep's folder");
         assert!(!place.path("nowhere").exists());
     }
 }

@@ -99,7 +99,7 @@ fn impossible_scales_and_keys_of_another_quantizer_are_refused() {
         place.isoflop(&[&["plan", "mini.yaml"][..], &patch].concat()).exits(2).says(sentence);
     };
     refused("{kind: vq, layers: 2}", "belongs to `kind: residual`");
-    refused("{kind: residual, layers: 0}", "must be 1 to 64");
+    refused("{kind: residual, layers: 0}", "0 is out of range: 1 to 64");
     refused("{kind: residual, scales: full}", "belongs to `kind: multiscale`");
     refused("{kind: residual, iner: fsq}", "did you mean `inner`?");
     refused("{kind: multiscale, scales: []}", "must be one or more numbers above 0");

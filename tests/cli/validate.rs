@@ -15,7 +15,7 @@ fn a_forecast_is_registered_and_stands() {
     assert!(forecast["loss_normalised"].is_number(), "no loss is forecast");
     let path = "results/lawful/validations/1e13/forecast.json";
     let written = place.read(path);
-    place.isoflop(&register).exits(0).says("stands");
+    place.isoflop(&register).exits(0).says("is used");
     assert_eq!(place.read(path), written);
     place.isoflop(&["validate", "nowhere", "--budget", "1e13"]).exits(2).says("nowhere");
 }
