@@ -21,6 +21,10 @@ count:
 test:
     cargo test --release
 
+# Every parser under mutated files of a fresh seed, so many seconds a kind
+fuzz seconds="10":
+    ISOFLOP_FUZZ_SECONDS={{seconds}} cargo test --release --test fuzz -- --nocapture
+
 # Sweeps on a throw-away Slurm; wants slurm-wlm and munge. `just test-slurm --ignored` adds the slow one
 test-slurm *options:
     bash tests/slurm/run.sh {{options}}

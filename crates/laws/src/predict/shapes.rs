@@ -97,6 +97,9 @@ const NEAR: f64 = 1.05;
 /// Dimensions are added while a product is below this multiple of the target.
 const OVERSHOOT: f64 = 2.0;
 
+/// Codes of the largest codebook that is looked at; a product of more levels may not be countable.
+const LARGEST: f64 = 1e15;
+
 impl Codebook {
     /// The codebook of levels.
     pub fn of(levels: &[u32]) -> Self {
@@ -120,7 +123,8 @@ impl Codebook {
 
 fn codebook_nearest(n_vocab: f64, fewest: u32) -> Codebook {
     let mut found = Vec::new();
-    products(&mut Vec::new(), fewest..=MOST_LEVELS, n_vocab * OVERSHOOT, &mut found);
+    let most = (n_vocab * OVERSHOOT).min(LARGEST);
+    products(&mut Vec::new(), fewest..=MOST_LEVELS, most, &mut found);
     let off = |codebook: &Codebook| (codebook.n_vocab as f64 / n_vocab).ln().abs();
     let nearest = found.into_iter().min_by(|a, b| off(a).total_cmp(&off(b)));
     nearest.unwrap_or_else(|| Codebook::of(&[fewest]))

@@ -184,7 +184,10 @@ impl Groups {
             return Ok(Self::default());
         };
         let pair = |row: csv::StringRecord| (row[id].to_string(), row[group].to_string());
-        Ok(Self(rows.records().map(|row| row.map(pair)).collect::<Result<_, _>>()?))
+        let pairs = rows.records().map(|row| row.map(pair));
+        // An empty cell names no group.
+        let named = pairs.filter(|pair| pair.as_ref().map_or(true, |(_, group)| !group.is_empty()));
+        Ok(Self(named.collect::<Result<_, _>>()?))
     }
 
     /// The group of a clip by stem; its own if the folder has none. A mirrored clip, `M000012`, belongs to the group of its
