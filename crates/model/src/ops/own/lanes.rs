@@ -7,10 +7,10 @@
 /// The variable of the environment that names the vectors to use: `avx512`, `avx2` or `portable`.
 pub const VECTORS: &str = "ISOFLOP_VECTORS";
 
-/// The name of the vectors that kernels use, by the processor and [`VECTORS`].
+/// The name of the vectors that kernels use, by the processor and `ISOFLOP_VECTORS`.
 ///
 /// # Errors
-/// [`VECTORS`] names no vectors of this processor.
+/// `ISOFLOP_VECTORS` names no vectors of this processor.
 pub fn vectors() -> Result<&'static str, String> {
     #[cfg(target_arch = "x86_64")]
     return super::x86::Isa::asked().map(super::x86::Isa::name);
