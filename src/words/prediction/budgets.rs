@@ -56,7 +56,7 @@ fn other_laws(prediction: &Prediction) -> String {
         together.map(|together| format!("; weighted mean {:.4}", together.loss_normalised));
     match all.len() {
         0 | 1 => String::new(),
-        _ => format!("  loss by law: {}{}\n", all.join(", "), together.unwrap_or_default()),
+        _ => wrap("  loss by law: ", &(all.join(", ") + &together.unwrap_or_default())),
     }
 }
 
