@@ -77,7 +77,7 @@ fn device(name: DeviceName) -> Finding {
 /// The instructions of the own kernels.
 fn kernels() -> String {
     let used = vectors().unwrap_or("none");
-    format!("{used}; ISOFLOP_VECTORS=avx512, avx2 or portable takes others")
+    format!("{used}; ISOFLOP_VECTORS=portable, for one, chooses others")
 }
 
 /// Products of matrices on one core of this processor.

@@ -3,13 +3,13 @@
 use super::args::{a_card, not_negative};
 use super::context::{OpenSweep, SweepArgs, plan_sweep};
 use super::doubts::doubts;
-use super::plan_text::{self, bytes, exponent, flops, stale};
+use super::plan_text::{self, by_budget, bytes, exponent, flops, stale};
 use super::prelude::*;
 use isoflop::jobs::gpu::{Gpu, MfuSource, too_large};
 use isoflop::jobs::history::{Finished, known};
 use isoflop::jobs::speed::Speed;
 use isoflop::jobs::{Job, JobId, JobKind, RunStates, inputs, missing_jobs};
-use isoflop::machine::{self, Card};
+use isoflop::machine::Card;
 use isoflop::plan::{Plan, PlannedRun, bytes_on_card};
 use isoflop::spec::{Precision, TokenizerJob};
 use rayon::prelude::*;
@@ -31,7 +31,7 @@ impl PlanArgs {
     fn gpu(&self, open: &OpenSweep, output: &Output) -> Result<Option<Gpu>> {
         let OpenSweep { sweep, plan, folder } = open;
         let engine = sweep.engine.as_ref();
-        let Some(card) = self.gpu.or_else(|| machine::find(engine?.gpu.as_deref()?)) else {
+        let Some(card) = self.gpu.or_else(|| engine?.card()) else {
             if self.price.is_some() {
                 bail!("--price is that of a GPU: name one by --gpu or engine.gpu");
             }
@@ -241,11 +241,7 @@ impl<'a> GpuCost<'a> {
 
     /// A line for each budget: runs, the largest model and memory, MFU, hours, dollars.
     pub fn table(&self) -> String {
-        let mut by_budget: BTreeMap<u64, Vec<&RunCost>> = BTreeMap::new();
-        for cost in &self.runs {
-            // Positive numbers are ordered like their bits.
-            by_budget.entry(cost.run.spec.budget_flops.to_bits()).or_default().push(cost);
-        }
+        let by_budget = by_budget(&self.runs, |cost| cost.run);
         let dollars = |hours: f64| self.price.map(|price| format!("{:.2}", price * hours));
         let row = |name: &str, runs: usize, [size, memory, mfu]: [String; 3], hours: f64| {
             let dollars = dollars(hours).unwrap_or_default();

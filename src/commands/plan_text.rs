@@ -102,11 +102,17 @@ pub fn runs(plan: &Plan, states: &RunStates, full: bool) -> String {
     table + &dropped(&plan.dropped, full)
 }
 
-fn budgets(plan: &Plan, states: &RunStates) -> String {
-    let mut by_budget: BTreeMap<u64, Vec<&PlannedRun>> = BTreeMap::new();
-    for run in &plan.runs {
-        by_budget.entry(run.spec.budget_flops.to_bits()).or_default().push(run);
+/// Entries of runs by the bits of their budgets: positive numbers are ordered like their bits.
+pub fn by_budget<T>(entries: &[T], run: impl Fn(&T) -> &PlannedRun) -> BTreeMap<u64, Vec<&T>> {
+    let mut by_budget: BTreeMap<u64, Vec<&T>> = BTreeMap::new();
+    for entry in entries {
+        by_budget.entry(run(entry).spec.budget_flops.to_bits()).or_default().push(entry);
     }
+    by_budget
+}
+
+fn budgets(plan: &Plan, states: &RunStates) -> String {
+    let by_budget = by_budget(&plan.runs, |run| run);
     let row = |(budget, runs): (&u64, &Vec<&PlannedRun>)| {
         let range = |of: &dyn Fn(&PlannedRun) -> f64, digits: &dyn Fn(f64) -> String| {
             let values = || runs.iter().map(|run| of(run));

@@ -11,7 +11,6 @@ use isoflop::failure::Failure;
 use isoflop::files::set_aside;
 use isoflop::jobs::presence::Held;
 use isoflop::jobs::{Job, JobId, JobState, all_jobs, gpu, missing_jobs, with_needs, write_specs};
-use isoflop::machine;
 use isoflop::plan::Plan;
 use rayon::prelude::*;
 use std::collections::HashSet;
@@ -86,10 +85,7 @@ pub fn open(args: &RunArgs, output: &Output) -> Result<OpenSweep> {
 /// Refuses missing runs that the card of `engine.gpu` cannot hold.
 fn check_card(open: &OpenSweep, wanted: impl Fn(&Job) -> bool) -> Result<()> {
     let OpenSweep { sweep, plan, folder } = open;
-    let Some(card) = sweep.engine.as_ref().and_then(|own| machine::find(own.gpu.as_deref()?))
-    else {
-        return Ok(());
-    };
+    let Some(card) = sweep.engine.as_ref().and_then(|engine| engine.card()) else { return Ok(()) };
     let jobs = with_needs(missing_jobs(plan, folder), wanted);
     let missing: HashSet<&str> = jobs.iter().map(|job| job.id.id.as_str()).collect();
     let runs = plan.runs.iter().filter(|run| missing.contains(run.run_id.as_str()));

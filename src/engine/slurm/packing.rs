@@ -16,7 +16,6 @@ use crate::jobs::{Job, JobId, all_jobs};
 use std::time::Duration;
 
 use crate::files::atomic;
-use crate::machine;
 
 /// Assumed FLOPs per second of a GPU before any run has ended on it.
 const GPU: f64 = 1e12;
@@ -98,9 +97,7 @@ impl Cluster<'_> {
     pub fn estimates(&self) -> Result<Estimates> {
         let (plan, folder) = (self.request.plan, &self.folder);
         let engine = self.request.sweep.engine.as_ref();
-        let card = engine.and_then(|engine| {
-            Some((machine::find(engine.gpu.as_deref()?)?, engine.mfu.map(|mfu| mfu.0)))
-        });
+        let card = engine.and_then(|engine| Some((engine.card()?, engine.mfu.map(|mfu| mfu.0))));
         let given = self.settings.0.flops_per_second;
         let trainer = self.request.sweep.trainer.as_ref();
         let estimates = match (given, Estimates::of_records(plan, folder)?) {

@@ -7,6 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_yaml::Value;
 
+use crate::machine::{self, Card};
 use crate::units::number;
 
 /// The `engine` section: how an engine is to be used, not which: that is `--engine`.
@@ -24,6 +25,13 @@ pub struct EngineSection {
     pub mfu: Option<Amount>,
     /// The requests of `--engine slurm` to Slurm.
     pub slurm: SlurmSection,
+}
+
+impl EngineSection {
+    /// The card of `gpu`; `None` if it is left out or not known.
+    pub fn card(&self) -> Option<&'static Card> {
+        self.gpu.as_deref().and_then(machine::find)
+    }
 }
 
 /// A word or a number, kept as text: `time: 30`, `time: 2-00:00:00`, `mem: 4G`.

@@ -227,7 +227,7 @@ fn tile<L: Lanes, const R: usize, const V: usize>(
     let mut from = 0;
     while from < panel.columns {
         let at = (row, column + from);
-        // The two are one to the reader; to the compiler the sizes of the first are known.
+        // Both branches do the same. In the first one the compiler knows the sizes and unrolls the loops.
         let whole = (R, V * LANES);
         let size = (count, whole.1.min(panel.columns - from));
         if size == whole {
