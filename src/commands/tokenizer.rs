@@ -8,7 +8,7 @@ use super::prelude::*;
 use super::run::{RunArgs, run_only};
 use clap::Subcommand;
 use isoflop::codes::{
-    CodeMap, Continuity, ScaleUse, TokenizerMetrics, percent, remarks, table as compared,
+    CodeMap, Continuity, MOVEMENT, ScaleUse, TokenizerMetrics, percent, remarks, table as compared,
     two_decimals,
 };
 use isoflop::data::Split;
@@ -141,12 +141,11 @@ fn guidance_text(id: &str, at: &[f64], found: &[Reconstruction]) -> String {
             percent(root_end_error),
         ]
     };
-    let head = ["guidance", "MPJPE, mm: own", "given", "L1", "boundary", "jerk", "root, %"];
+    let head = ["guidance", "MPJPE, mm: own", "given", "L1", "boundary", "jerk", "root at end, %"];
     let rows = table(head, at.iter().zip(found).map(row));
     format!(
         "reconstruction of the test split by tokenizer {id}\n\n{rows}\
          MPJPE by the tokenizer's own heading and by the true one; L1 of normalised\n\
-         features; steps across codes over steps inside, and jerk, each over the truth's;\n\
-         distance of the root at the end as a share of the path (median)"
+         features\n{MOVEMENT}"
     )
 }

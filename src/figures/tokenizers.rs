@@ -53,14 +53,14 @@ const METRICS: [Metric; 7] = [
     },
     Metric {
         title: "Boundaries of codes",
-        label: "Steps across over steps inside",
+        label: "Step ratio (truth: 1)",
         scale: Scale::Linear,
         of: |metrics| metrics.continuity?.boundary_step_ratio,
         of_k_means: |_| None,
     },
     Metric {
         title: "Jerk",
-        label: "Jerk over the truth's",
+        label: "Jerk ratio (truth: 1)",
         scale: Scale::Linear,
         of: |metrics| metrics.continuity?.jerk_ratio,
         of_k_means: |_| None,

@@ -162,10 +162,10 @@ pub fn tokenizers(tokenizers: &[TokenizerMetrics]) -> Option<Markup> {
     let caption = "Error of the joints on the test split, beside k-means of as many codes";
     let within = html! {
         (table(caption, &head, &rows))
-        p.faint { "Steps of the joints across the boundaries of codes over steps inside, and jerk, each over \
-                   the truth's: 1 is best. Root: its distance on the ground from the true root, mean over \
-                   time and in the last frame, as a share of the path's length; the median over clips that \
-                   travel 1 m or more." }
+        p.faint { "Boundary: joint steps between codes over joint steps within codes. Boundary and jerk are \
+                   divided by the true motion's, so 1 is best. Root: distance on the ground from the true \
+                   root, mean over time and in the last frame, as a share of the path; the median over clips \
+                   that travel 1 m or more." }
     };
     (!rows.is_empty()).then(|| section("tokenizers", "Tokenizers", &within))
 }

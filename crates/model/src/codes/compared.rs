@@ -72,9 +72,13 @@ fn courses(tokenizers: &[TokenizerMetrics]) -> String {
             own.still_clips
         );
     }
-    out + "steps across codes over steps inside, and jerk, each over the truth's; distance\n\
-           of the root as a share of the path (median), without clips that stand still"
+    out + MOVEMENT
 }
+
+/// The columns of movement in a sentence each.
+pub const MOVEMENT: &str = "boundary: joint steps between codes over joint steps within codes; boundary and\n\
+jerk are divided by the true motion's; root: distance from the true root, as a\n\
+share of the path (median over clips that travel)";
 
 /// A ratio on a screen and in a report.
 pub fn two_decimals(ratio: Option<f64>) -> String {

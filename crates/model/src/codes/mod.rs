@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::files::{FileError, atomic, read_if_there};
 
 pub use crate::spec::{Grid, Length, Scale};
-pub use compared::{percent, remarks, table, two_decimals};
+pub use compared::{MOVEMENT, percent, remarks, table, two_decimals};
 pub use metrics::{Baseline, CodeMap, Continuity, ScaleCodes, ScaleUse, TokenizerMetrics};
 pub use store::{SplitTokens, TokenStore, write_store};
 
