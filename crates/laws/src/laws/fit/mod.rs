@@ -2,13 +2,11 @@
 
 mod approach1;
 mod judge;
-mod parametric_laws;
 #[cfg(test)]
 mod tests;
 
 pub use approach1::{FrontierPoint, approach1, frontier};
 pub use judge::sensitivity_row;
-pub use parametric_laws::{around, fit_parametric, parametric_laws};
 
 use self::judge::{admissible, interval_parts, judge, sensitivity};
 use crate::laws::advice::advise;
@@ -18,16 +16,21 @@ use crate::laws::input::{
     lost_shares, metric_of, repeats,
 };
 use crate::laws::lines::{
-    Bootstrap, Columns, Exponents, LawSet, LossLaws, Replicate, ReplicateLaws, Sources, law_set,
-    minima_with_intervals, validate,
+    Bootstrap, Columns, Exponents, FloorLaw, FloorSample, LawSample, LawSet, LossLaws, PowerLaw,
+    PowerLaws, Replicate, ReplicateLaws, Sources, law_set, minima_with_intervals, validate,
 };
-use crate::laws::maths::stats::{MIN_REPLICATES, extent, geometric_mean};
+use crate::laws::maths::stats::{MIN_REPLICATES, extent, geometric_mean, interval95};
 use crate::laws::minima::{
-    ByMethod, Grid, Minimum, RunNoise, hold_out, lack_of_fit, law_method, lost_runs,
+    ByMethod, Grid, Minimum, Optimum, RunNoise, hold_out, lack_of_fit, law_method, lost_runs,
     minima_by_method, n_vocabularies, tell_laws, usable,
 };
 use crate::laws::noise::{Scatter, run_noise, runs_beside_tokenizers, test_noise, tokenizer_noise};
+use crate::laws::parametric::{
+    Coefficients, Finding, Form, Parametric, ParametricOptions, fitted, optimum, vocab_exponent,
+};
+use crate::laws::say::warnings::of_lost_optima;
 use crate::laws::say::{flagged, warnings};
+use std::f64::consts::LN_10;
 
 /// Cells times replicates that a fit computes at most: some ten seconds on one core.
 const MOST_WORK: usize = 50_000_000;
@@ -226,4 +229,151 @@ fn unfitted(
         fitted_budgets: if least < most { vec![least, most] } else { vec![most] },
         ..Laws::unfitted(law, names, parameters, reference_flops)
     }
+}
+
+// The laws of the optimum that follow from a parametric loss.
+//
+// For approach 3 they are exact: N and D are powers of C, and the loss at the optimum is a power
+// law with the floor E. With a vocabulary they are the tangents at C0; a prediction elsewhere goes
+// back to the loss itself.
+
+/// Fits a parametric law: the global optimum, its uncertainty, and doubts.
+///
+/// # Errors
+/// [`FitError::BadValue`], [`FitError::BadLoss`], [`FitError::Metrics`] and [`FitError::BadOption`] for
+/// wrong input, [`FitError::NotIdentified`] if the rows cannot determine the coefficients.
+pub fn fit_parametric(
+    points: &[IsoFlopPoint],
+    options: &ParametricOptions,
+) -> Result<Parametric, FitError> {
+    let (own, findings) = fitted(points, options)?;
+    let size = options.form.quantities()[0];
+    let of_rows = own.influence.as_ref().map(|influence| influence.sentence(size));
+    let warnings = findings.iter().map(Finding::sentence).chain(of_rows).collect();
+    Ok(Parametric { warnings, ..own })
+}
+
+/// Half the step in ln C over which exponents are read off.
+const HALF_STEP: f64 = 0.01;
+
+/// The laws implied by `parametric`, fitted to `points`; others are absent.
+pub fn parametric_laws(
+    points: &[IsoFlopPoint],
+    parametric: Parametric,
+    name: &str,
+    flops_rule: &str,
+) -> Laws {
+    let reference = geometric_mean(points.iter().map(|p| p.flops));
+    let form = parametric.coefficients.form;
+    let kind = LawKind::Parametric(form);
+    let mut laws = unfitted(kind, (name, flops_rule), form.parameters(), reference, points);
+    laws.parametric = Some(parametric);
+    around(&laws, reference)
+}
+
+/// The same laws as tangents at another C0; laws without a parametric loss are unchanged.
+///
+/// Only a loss with a vocabulary has laws that bend; read at C0 = C they are exact.
+pub fn around(laws: &Laws, reference: f64) -> Laws {
+    let mut laws = laws.clone();
+    let Some(parametric) = laws.parametric.take() else { return laws };
+    let samples: Vec<LawSample> =
+        parametric.bootstrap.iter().filter_map(|c| tangent(c, reference)).collect();
+    if let Some(own) = tangent(&parametric.coefficients, reference) {
+        let form = parametric.coefficients.form;
+        laws.power_laws = power_laws(&own, &samples, form, reference, parametric.n);
+        laws.loss.floor = own.floor.map(|law| floor_law(&law, &samples, &parametric));
+        laws.vocab_from_nonvocab =
+            (form.parameters() == Parameters::Split).then(|| vocabulary(&own, &parametric));
+    }
+    laws.reference_flops = reference;
+    // The warnings of the parametric loss itself are doubts of the answer.
+    let all = parametric.bootstrap.len();
+    laws.warnings = of_lost_optima(all - samples.len(), all).into_iter().collect();
+    laws.bootstrap = samples;
+    laws.parametric = Some(parametric);
+    laws.answered()
+}
+
+/// The laws around C0 of one replicate; `None` if the coefficients have no optimum.
+fn tangent(c: &Coefficients, reference: f64) -> Option<LawSample> {
+    let at = |ln_step: f64| optimum(c, reference * ln_step.exp());
+    let (below, here, above) = (at(-HALF_STEP)?, at(0.0)?, at(HALF_STEP)?);
+    let exponent =
+        |of: fn(&Optimum) -> f64| (of(&above).ln() - of(&below).ln()) / (2.0 * HALF_STEP);
+    let split = c.form.parameters() == Parameters::Split;
+    let excess = [below, here, above].map(|o| o.loss - c.floor());
+    let slope = (excess[2].ln() - excess[0].ln()) / (2.0 * HALF_STEP);
+    Some(LawSample {
+        ln_vocab_at_reference: if split { here.params_vocab.ln() } else { 0.0 },
+        exponent_vocab: if split { exponent(|o| o.params_vocab) } else { 0.0 },
+        ln_nonvocab_at_reference: here.params_nonvocab.ln(),
+        exponent_nonvocab: exponent(|o| o.params_nonvocab),
+        ln_tokens_at_reference: here.tokens.ln(),
+        exponent_tokens: exponent(|o| o.tokens),
+        // The line through the loss at C0, in log10 C.
+        loss_slope_per_decade: slope * excess[1] * LN_10,
+        loss_intercept: here.loss - slope * excess[1] * LN_10 * reference.log10(),
+        floor: Some(FloorSample { floor: c.floor(), coefficient: excess[1], exponent: -slope }),
+    })
+}
+
+fn power_laws(
+    own: &LawSample,
+    samples: &[LawSample],
+    form: Form,
+    reference: f64,
+    n: usize,
+) -> PowerLaws {
+    type Of = fn(&LawSample) -> (f64, f64);
+    let law = |of: Of| {
+        let (level, exponent) = of(own);
+        let mut law = PowerLaw {
+            log10_coefficient: level / LN_10 - exponent * reference.log10(),
+            exponent,
+            ln_at_reference: level,
+            r2: 1.0,
+            n,
+            ..PowerLaw::default()
+        };
+        let coefficients: Vec<_> = samples.iter().map(of).collect();
+        law.set_intervals(&coefficients, reference.ln());
+        law
+    };
+    let all = PowerLaws {
+        params_nonvocab: Some(law(LawSample::size)),
+        params_vocab: Some(law(LawSample::vocab)),
+        tokens: Some(law(LawSample::tokens)),
+        ..PowerLaws::default()
+    };
+    all.under(form.parameters())
+}
+
+/// N_v in N_nv, which is a power law everywhere: its exponent is (1 + α1)/(1 + α2).
+fn vocabulary(own: &LawSample, parametric: &Parametric) -> PowerLaw {
+    let exponent = vocab_exponent(&parametric.coefficients);
+    let level = own.ln_vocab_at_reference - exponent * own.ln_nonvocab_at_reference;
+    let exponents: Vec<f64> = parametric.bootstrap.iter().map(vocab_exponent).collect();
+    PowerLaw {
+        log10_coefficient: level / LN_10,
+        exponent,
+        ln_at_reference: own.ln_vocab_at_reference,
+        r2: 1.0,
+        exponent_ci95: interval95(&exponents),
+        n: parametric.n,
+        ..PowerLaw::default()
+    }
+}
+
+fn floor_law(own: &FloorSample, samples: &[LawSample], parametric: &Parametric) -> FloorLaw {
+    let law = FloorLaw {
+        floor: own.floor,
+        coefficient: own.coefficient,
+        exponent: own.exponent,
+        r2: parametric.r2,
+        aic: parametric.aic,
+        n: parametric.n,
+        ..FloorLaw::default()
+    };
+    law.with_intervals(&samples.iter().filter_map(|sample| sample.floor).collect::<Vec<_>>())
 }

@@ -1,9 +1,11 @@
-//! The loss as a function of N, V and D.
+//! The loss as a function of N, V and D, and the cells that it is fitted to.
 
 use serde::{Deserialize, Serialize};
 
-use crate::laws::input::Cell;
+use crate::laws::input::{Cell, best_index};
 use crate::laws::maths::engine::{MOST, Row};
+use crate::laws::maths::stats::distinct;
+use crate::laws::minima::{Grid, valley};
 
 /// The terms of a joint loss in addition to e0, A, α, B and β.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -263,5 +265,78 @@ impl Repetition {
     /// The worth of some passes, in first passes.
     pub fn worth(&self, passes: f64) -> f64 {
         worth(passes.ln(), Some(1.0), self.r.ln()).exp()
+    }
+}
+
+// The cells that a loss is fitted to.
+
+/// Cells beyond the coefficients, at least.
+const SPARE: usize = 4;
+/// Fewest sizes, and losses, that determine a term of the size.
+const FEWEST_SIZES: usize = 3;
+/// Vocabularies that κe, κa and κb need.
+const SATURATING_LEVELS: usize = 4;
+/// Passes over the data from which a run repeats it.
+const REPEATED: f64 = 1.5;
+
+/// Whether runs repeat their data, so that a joint law has a term of repetition.
+pub(in crate::laws) fn repeat(grids: &[Grid]) -> bool {
+    let cells = grids.iter().flat_map(Grid::of_all_shares).flatten();
+    cells.filter_map(Cell::epochs).any(|epochs| epochs > REPEATED)
+}
+
+/// The cells of all budgets and shares.
+pub(super) struct Cells<'a> {
+    pub all: Vec<&'a Cell>,
+    /// The loss of each above the best of its budget and share, in nats.
+    above: Vec<f64>,
+}
+
+impl<'a> Cells<'a> {
+    pub fn new(grids: &'a [Grid]) -> Self {
+        let slices = || grids.iter().flat_map(Grid::of_all_shares);
+        let above = |cells: &'a [Cell]| {
+            let best = cells[best_index(cells)].loss;
+            cells.iter().map(move |cell| cell.loss - best)
+        };
+        Self { all: slices().flatten().collect(), above: slices().flat_map(above).collect() }
+    }
+
+    /// The terms that the cells can determine; `None` if even the fewest are too many, or if a term of repetition is
+    /// asked for and no cell has its distinct tokens.
+    ///
+    /// Cells that do not repeat their data leave R at its prior.
+    pub fn terms(&self, repeats: bool) -> Option<Terms> {
+        let levels = distinct(self.all.iter().map(|cell| cell.n_vocab)).len();
+        let sizes = distinct(self.all.iter().map(|cell| cell.params_nonvocab)).len();
+        let losses = distinct(self.all.iter().map(|cell| cell.loss)).len();
+        if sizes < FEWEST_SIZES || losses < FEWEST_SIZES {
+            return None;
+        }
+        if repeats && self.all.iter().all(|cell| cell.unique_tokens.is_none()) {
+            return None;
+        }
+        let wanted = [levels >= SATURATING_LEVELS, false].map(|saturating| Terms {
+            vocab: levels > 1,
+            saturating,
+            crossed: saturating,
+            repeats,
+        });
+        wanted.into_iter().find(|terms| self.all.len() >= terms.count() + SPARE)
+    }
+
+    /// The square root of each cell's weight, one on average.
+    pub fn weights(&self, noise: f64) -> Vec<f64> {
+        let pairs = self.all.iter().zip(&self.above);
+        let counts: Vec<f64> =
+            pairs.map(|(cell, above)| cell.runs * valley(*above, noise)).collect();
+        let mean = counts.iter().sum::<f64>() / counts.len() as f64;
+        counts.iter().map(|count| (count / mean).sqrt()).collect()
+    }
+
+    pub fn centre(&self) -> [f64; 3] {
+        let places: Vec<Place> = self.all.iter().map(|cell| Place::of(cell)).collect();
+        let mean = |of: fn(&Place) -> f64| places.iter().map(of).sum::<f64>() / places.len() as f64;
+        [mean(|place| place.ln_size), mean(|place| place.ln_vocab), mean(|place| place.ln_tokens)]
     }
 }

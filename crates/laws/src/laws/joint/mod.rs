@@ -13,22 +13,22 @@
 
 mod law;
 mod loss;
-mod problem;
+#[cfg(test)]
+mod tests;
 
 pub use law::{JointLaw, Off, SizedLoss};
-pub(super) use loss::Place;
 pub use loss::{JointLoss, Repetition, Terms};
-pub(super) use problem::{expected_sds, repeat};
-
-use rayon::prelude::*;
+pub(super) use loss::{Place, repeat};
 
 use self::law::Cost;
-use self::problem::{Cells, Problem};
+use self::loss::{ALPHA, BETA, Cells, told};
 use crate::laws::input::Cell;
-use crate::laws::maths::engine::{MOST_STEPS, minimise};
+use crate::laws::maths::engine::{MOST, MOST_STEPS, Residuals, Row, minimise};
+use crate::laws::maths::least_squares;
 use crate::laws::maths::stats::Normals;
 use crate::laws::minima::{Grid, RunNoise, loss_unit};
 use crate::laws::noise::Scatter;
+use rayon::prelude::*;
 
 /// Degrees of freedom that the residuals are given, at least.
 const FEWEST_FREE: f64 = 4.0;
@@ -136,230 +136,202 @@ fn refitted(
     minimise(&problem, law.loss.values.clone(), MOST_STEPS).0
 }
 
-#[cfg(test)]
-mod tests {
-    //! Joint laws of simulated cells, whose truth is known.
+// The residuals of cells and of priors.
 
-    use super::*;
-    use crate::laws::input::{IsoFlopPoint, Parameters, RunFacts, group_checked};
-    use crate::laws::maths::stats::interval95;
-    use crate::laws::minima::NoiseSource;
-    use crate::laws::simulated::{of_split, point};
+/// The exponents that a search starts from.
+const STARTS: [f64; 3] = [0.2, 0.5, 1.0];
+/// The standard deviation of a coefficient of which nothing is expected: one of the loss in what is worth a nat, or a
+/// logarithm.
+const UNEXPECTED: f64 = 10.0;
+/// The least A and B that a search starts from, in what is worth a nat.
+const LEAST: f64 = 0.02;
+/// Bounds of the exponents α and β.
+const EXPONENTS: [f64; 2] = [0.02, 4.0];
+/// The rate at which the limit of the loss saturates in ln V: its prior, within a factor e, and its bounds.
+const KAPPA_E: f64 = 0.1;
+const KAPPAS_E: [f64; 2] = [0.002, 2.0];
+/// ln R: its prior, ln 15 (Muennighoff et al. 2023), and its bounds.
+const LN_R: [f64; 3] = [2.7, -2.0, 8.0];
+/// Bounds of ρ, R ∝ N^−ρ: a larger model memorises its data sooner.
+const RHO: f64 = 0.4;
+/// Steps from each start, and the number of the lowest that are then followed to convergence.
+const FIRST_STEPS: usize = 15;
+const FOLLOWED: usize = 3;
 
-    const BUDGETS: [f64; 4] = [1e10, 3e10, 1e11, 3e11];
-    const WIDTHS: [f64; 7] = [8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0];
-    const VOCABULARIES: [f64; 6] = [32.0, 128.0, 256.0, 512.0, 1024.0, 4096.0];
+/// The prior of a coefficient or its logarithm.
+#[derive(Clone, Copy)]
+struct Expectation {
+    /// Among the values of a [`JointLoss`].
+    index: usize,
+    mean: f64,
+    sd: f64,
+    in_logs: bool,
+}
 
-    /// A loss of the fitted form, near what is measured on procedural motion.
-    fn truth(n: f64, v: f64, d: f64) -> f64 {
-        let (v, kappa) = (v.ln(), 0.15);
-        18.0 * (-0.05 * v).exp() - 20.0
-            + 20.0 * (kappa * v).exp() * n.powf(-0.5)
-            + 60.0 * (0.5 * v).exp() * d.powf(-0.5)
+/// The priors of all coefficients.
+fn expected(terms: Terms) -> Vec<Expectation> {
+    let exponent = |index| Expectation { index, mean: 0.4f64.ln(), sd: 0.7, in_logs: true };
+    let mut all = [ALPHA, BETA].map(exponent).to_vec();
+    if terms.saturating {
+        let first = terms.kappa_e();
+        let near_zero = |i| Expectation { index: first + i, mean: 0.0, sd: 0.4, in_logs: false };
+        all.push(Expectation { index: first, mean: KAPPA_E.ln(), sd: 1.0, in_logs: true });
+        all.extend([1, 2].map(near_zero));
     }
-
-    fn points(noise: f64, stream: u64) -> Vec<IsoFlopPoint> {
-        let mut normals = Normals::of_stream(5, stream);
-        let mut points = Vec::new();
-        for budget in BUDGETS {
-            for width in WIDTHS {
-                for vocab in VOCABULARIES {
-                    let (n, nv) = (24.0 * width * width, vocab * width);
-                    // Attention over 83 positions in two layers.
-                    let tokens = budget / (6.0 * (n + nv) + 996.0 * width);
-                    points.push(IsoFlopPoint {
-                        budget_flops: budget,
-                        flops: budget,
-                        n_vocab: vocab,
-                        tokens,
-                        loss: truth(n, vocab, tokens) + noise * normals.draw(),
-                        ..point(n, nv, 0.0, 0)
-                    });
-                }
-            }
-        }
-        points
+    if terms.crossed {
+        all.push(Expectation { index: terms.chi(), mean: 0.0, sd: 0.3, in_logs: false });
     }
-
-    fn grids(points: &[IsoFlopPoint]) -> Vec<Grid> {
-        let total = points[0].params_vocab == 0.0;
-        let parameters = if total { Parameters::Total } else { Parameters::Split };
-        group_checked(points, parameters).unwrap().iter().filter_map(Grid::new).collect()
+    if terms.repeats {
+        let index = terms.ln_r();
+        all.push(Expectation { index, mean: LN_R[0], sd: 1.0, in_logs: false });
+        all.push(Expectation { index: index + 1, mean: 0.0, sd: RHO, in_logs: false });
     }
+    all
+}
 
-    fn noise(sd: f64) -> Option<RunNoise> {
-        Some(RunNoise { sd, dof: 100, source: NoiseSource::Seeds })
+/// How widely each coefficient of a law may lie before any cell is asked, as standard deviations; `unit` of the loss is
+/// worth a nat.
+pub(super) fn expected_sds(law: &JointLoss, unit: f64) -> Vec<f64> {
+    let mut sds = vec![UNEXPECTED; law.terms.count()];
+    law.terms.of_the_loss().for_each(|index| sds[index] *= unit);
+    for Expectation { index, sd, in_logs, .. } in expected(law.terms) {
+        sds[index] = sd * if in_logs { law.values[index] } else { 1.0 };
     }
+    sds
+}
 
-    /// The true optimum by a fine search.
-    fn best(budget: f64) -> (f64, f64, f64) {
-        let mut least = (f64::INFINITY, 0.0, 0.0);
-        for i in 0..400 {
-            for j in 0..300 {
-                let width = 4.0 * 1.012f64.powi(i);
-                let vocab = 16.0 * 1.03f64.powi(j);
-                let n = 24.0 * width * width;
-                let tokens = budget / (6.0 * (n + vocab * width) + 996.0 * width);
-                let loss = truth(n, vocab, tokens);
-                if loss < least.0 {
-                    least = (loss, n, vocab);
-                }
-            }
-        }
-        least
-    }
+/// The residuals of every cell, and of every coefficient from its prior.
+struct Problem {
+    /// Terms, centre and unique tokens, with coefficients that mean nothing.
+    frame: JointLoss,
+    places: Vec<Place>,
+    losses: Vec<f64>,
+    weights: Vec<f64>,
+    expected: Vec<Expectation>,
+    noise: f64,
+    least: f64,
+}
 
-    #[test]
-    fn the_slopes_are_the_derivatives_of_the_loss() {
-        let repeated = of_split(1e5, points(0.02, 0));
-        let law = fit_joint(&grids(&repeated), noise(0.02), true).unwrap().loss;
-        assert_eq!(law.values.len(), law.terms.names().len());
-        let cells = grids(&repeated);
-        for cell in cells.iter().flat_map(|grid| &grid.cells).step_by(17) {
-            let place = Place::of(cell);
-            for (i, slope) in law.gradient(&place).into_iter().enumerate() {
-                let moved = |step: f64| {
-                    let mut moved = law.clone();
-                    moved.values[i] += step;
-                    moved.value(&place)
-                };
-                let numeric = (moved(1e-5) - moved(-1e-5)) / 2e-5;
-                assert!(
-                    (slope - numeric).abs() < 1e-5 * (1.0 + slope.abs()),
-                    "{i}: {slope} {numeric}"
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn an_optimum_far_beyond_the_cells_is_predicted() {
-        let law = fit_joint(&grids(&points(0.01, 1)), noise(0.01), false).unwrap();
-        assert!((law.residual_sd / 0.01 - 1.0).abs() < 0.35, "{}", law.residual_sd);
-        for (factor, nats, ratio) in [(1.0, 0.01, 1.2), (10.0, 0.06, 1.6), (100.0, 0.15, 2.5)] {
-            let budget = 3e11 * factor;
-            let (loss, n, vocab) = best(budget);
-            let found = law.optimum(budget).unwrap();
-            assert!((found.loss - loss).abs() < nats, "{factor}: {found:?}, {loss}");
-            let near = |a: f64, b: f64| (a / b).ln().abs() < f64::ln(ratio);
-            assert!(
-                near(found.params_nonvocab, n) && near(found.n_vocab.unwrap(), vocab),
-                "{found:?} {n} {vocab}"
-            );
-            let spent = 6.0 * (found.params_nonvocab + found.params_vocab) * found.tokens
-                + 996.0 * (found.params_nonvocab / 24.0).sqrt() * found.tokens;
-            assert!((spent / budget - 1.0).abs() < 1e-6, "{spent}");
+impl Problem {
+    /// `noise` is the standard deviation of a run; `unit` of the loss is worth a nat.
+    fn new(cells: &Cells, terms: Terms, noise: f64, unit: f64) -> Self {
+        let all = &cells.all;
+        let runs = all.iter().map(|cell| cell.runs).sum::<f64>() / all.len() as f64;
+        let unique = all.iter().filter_map(|cell| cell.unique_tokens);
+        let unique_tokens = unique.reduce(f64::max).filter(|_| terms.repeats);
+        Self {
+            frame: JointLoss {
+                terms,
+                centre: cells.centre(),
+                values: vec![0.0; terms.count()],
+                unique_tokens,
+            },
+            places: all.iter().map(|cell| Place::of(cell)).collect(),
+            losses: all.iter().map(|cell| cell.loss).collect(),
+            weights: cells.weights(noise),
+            expected: expected(terms),
+            noise: noise / runs.sqrt(),
+            least: LEAST * unit,
         }
     }
 
-    #[test]
-    fn intervals_of_replicates_hold_the_truth() {
-        let mut held = 0;
-        let budget = 1e12;
-        let (loss, ..) = best(budget);
-        for stream in 0..20 {
-            let grids = grids(&points(0.02, 100 + stream));
-            let mut law = fit_joint(&grids, noise(0.02), false).unwrap();
-            let scatter = Scatter { noise: None, tokenizers: None, test: None };
-            law.bootstrap = replicates(&law, &grids, (scatter, stream), 60);
-            let losses: Vec<f64> = law.optima(budget).iter().map(|best| best.loss).collect();
-            let [low, high] = interval95(&losses).unwrap();
-            held += usize::from(low <= loss && loss <= high);
-        }
-        assert!(held >= 17, "{held} of 20");
+    /// The effective number of cells, (Σw)²/Σw².
+    fn effective_cells(&self) -> f64 {
+        let squares: f64 = self.weights.iter().map(|weight| weight.powi(4)).sum();
+        self.weights.iter().map(|weight| weight.powi(2)).sum::<f64>().powi(2) / squares
     }
 
-    #[test]
-    fn a_file_with_other_coefficients_than_its_terms_is_refused() {
-        let law = fit_joint(&grids(&points(0.02, 3)), noise(0.02), false).unwrap();
-        let mut file = serde_json::to_value(&law).unwrap();
-        assert_eq!(serde_json::from_value::<JointLaw>(file.clone()).unwrap(), law);
-        file["loss"]["values"].as_array_mut().unwrap().pop();
-        let told = serde_json::from_value::<JointLaw>(file).unwrap_err().to_string();
-        assert!(told.contains("9 coefficients") && told.contains("ask for 10"), "{told}");
+    /// The share of the residuals' variance that a fit of `p` coefficients leaves.
+    fn free(&self, p: usize) -> f64 {
+        (1.0 - p as f64 / self.effective_cells()).max(0.2)
     }
 
-    #[test]
-    fn what_repetition_is_worth_stays_as_expected_where_no_run_repeats() {
-        let grids = grids(&of_split(1e12, points(0.02, 3)));
-        assert!(!repeat(&grids));
-        let law = fit_joint(&grids, noise(0.02), true).unwrap().loss;
-        let [ln_r, rho] = law.values[law.terms.ln_r()..] else { panic!("{:?}", law.values) };
-        assert!((ln_r - 2.7).abs() < 1e-6 && rho.abs() < 1e-6, "{:?}", law.values);
+    /// The weighed sum of squares of the cells alone.
+    fn of_cells(&self, values: &[f64]) -> f64 {
+        let law = self.frame.with(values);
+        let rows = self.places.iter().zip(&self.losses).zip(&self.weights);
+        rows.map(|((place, loss), weight)| (weight * (loss - law.value(place))).powi(2)).sum()
     }
 
-    /// The points on a split of `unique` tokens, a share of the data, whose repetition is worth R (n/10⁴)^−ρ.
-    fn repeated(unique: f64, share: f64, [r, rho]: [f64; 2]) -> Vec<IsoFlopPoint> {
-        let plain = points(0.0, 0).into_iter().zip(points(0.01, 7 + (8.0 * share) as u64));
-        let of_share = plain.map(|(exact, noisy)| {
-            let (n, v, d) = (exact.params_nonvocab, exact.n_vocab, exact.tokens);
-            let r = r * (n / 1e4).powf(-rho);
-            let fresh = (unique * share).min(d);
-            let worth = fresh * (1.0 - r * (-(d / fresh - 1.0) / r).exp_m1());
-            let loss = truth(n, v, worth) + noisy.loss - exact.loss;
-            let about =
-                RunFacts { share: Some(share), unique_tokens: Some(unique * share), ..exact.about };
-            IsoFlopPoint { loss, about, ..exact }
-        });
-        of_share.collect()
+    /// The coefficients downhill from the most promising of some starts.
+    fn best(&self) -> Option<Vec<f64>> {
+        let pairs = STARTS.iter().flat_map(|alpha| STARTS.map(|beta| (*alpha, beta)));
+        let starts = pairs.filter_map(|(alpha, beta)| self.start(alpha, beta));
+        let near = starts.map(|start| minimise(self, start, FIRST_STEPS));
+        let mut near: Vec<(Vec<f64>, f64)> = near.collect();
+        near.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let followed = near.into_iter().take(FOLLOWED);
+        let ends = followed.map(|(values, _)| minimise(self, values, MOST_STEPS));
+        ends.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(values, _)| values)
     }
 
-    #[test]
-    fn shares_of_the_data_tell_what_repetition_is_worth() {
-        const TRUE: [f64; 2] = [8.0, 0.6];
-        let shares = |shares: &[f64]| -> Vec<IsoFlopPoint> {
-            shares.iter().flat_map(|share| repeated(2e5, *share, TRUE)).collect()
+    /// The residual of each coefficient from its prior, in units of the noise, with its derivative.
+    fn of_expectations(&self, values: &[f64]) -> impl Iterator<Item = (f64, usize, f64)> {
+        self.expected.iter().map(|&Expectation { index, mean, sd, in_logs }| {
+            let (value, slope) = match in_logs {
+                true => (values[index].ln(), 1.0 / values[index]),
+                false => (values[index], 1.0),
+            };
+            (self.noise * (mean - value) / sd, index, self.noise * slope / sd)
+        })
+    }
+
+    /// The linear coefficients at a pair of exponents to start from.
+    fn start(&self, alpha: f64, beta: f64) -> Option<Vec<f64>> {
+        let Terms { vocab, saturating, crossed, repeats } = self.frame.terms;
+        let [n0, v0, d0] = self.frame.centre;
+        let kappa_e = if saturating { KAPPA_E } else { 0.0 };
+        let row = |place: &Place| {
+            let v = place.ln_vocab - v0;
+            let mut row = vec![1.0, (-alpha * (place.ln_size - n0)).exp()];
+            row.push((-beta * (place.ln_tokens - d0)).exp());
+            row.extend([-told(v, kappa_e)].into_iter().filter(|_| vocab));
+            row
         };
-        let off = |points: &[IsoFlopPoint]| {
-            let law = fit_joint(&grids(points), noise(0.01), true).unwrap();
-            let Repetition { r, rho, params_nonvocab, .. } = law.repetition().unwrap();
-            let at = TRUE[0] * (params_nonvocab / 1e4).powf(-TRUE[1]);
-            [(r / at).ln().abs(), (rho - TRUE[1]).abs()]
-        };
-        let (one, three) = (off(&shares(&[1.0])), off(&shares(&[0.25, 0.5, 1.0])));
-        assert!(three[0] < 0.2 && three[1] < 0.1, "{three:?}");
-        assert!(one[0] > three[0] && one[1] > three[1], "{one:?} {three:?}");
+        let rows: Vec<Vec<f64>> = self.places.iter().map(row).collect();
+        let c = least_squares(&rows, &self.losses)?.coefficients;
+        let positive = |x: f64| x.max(self.least).ln();
+        let mut values = vec![c[0], positive(c[1]), alpha, positive(c[2]), beta];
+        values.extend(c.get(3));
+        values.extend([kappa_e, 0.0, 0.0].into_iter().filter(|_| saturating));
+        values.extend([0.0].into_iter().filter(|_| crossed));
+        values.extend([LN_R[0], 0.0].into_iter().filter(|_| repeats));
+        Some(values)
+    }
+}
+
+impl Residuals for Problem {
+    fn sum(&self, values: &[f64]) -> f64 {
+        let expectations = self.of_expectations(values).map(|(residual, ..)| residual.powi(2));
+        self.of_cells(values) + expectations.sum::<f64>()
     }
 
-    #[test]
-    fn curves_are_those_of_the_largest_share() {
-        let [all, half] = [1.0, 0.5].map(|share| repeated(1e5, share, [8.0, 0.0]));
-        let both = grids(&[half.clone(), all.clone()].concat());
-        let plain =
-            |grids: &[Grid]| grids.iter().map(|grid| grid.cells.clone()).collect::<Vec<_>>();
-        assert_eq!(plain(&both), plain(&grids(&all)));
-        assert_eq!(both[0].smaller, [grids(&half)[0].cells.clone()]);
-        let joint = |grids: &[Grid]| fit_joint(grids, noise(0.01), true).unwrap().n;
-        assert_eq!(joint(&both), 2 * joint(&grids(&all)));
+    fn each(&self, values: &[f64], take: &mut dyn FnMut(f64, &Row)) {
+        let law = self.frame.with(values);
+        for ((place, loss), weight) in self.places.iter().zip(&self.losses).zip(&self.weights) {
+            let (value, slopes) = law.with_slopes(place);
+            take(weight * (loss - value), &slopes.map(|slope| weight * slope));
+        }
+        for (residual, index, slope) in self.of_expectations(values) {
+            let mut row = [0.0; MOST];
+            row[index] = slope;
+            take(residual, &row);
+        }
     }
 
-    #[test]
-    fn the_limit_falls_less_and_less_with_the_vocabulary() {
-        let law = fit_joint(&grids(&points(0.0, 4)), noise(1e-3), false).unwrap().loss;
-        let kappa_e = law.values[law.terms.kappa_e()];
-        assert!((kappa_e / 0.05 - 1.0).abs() < 0.2, "{kappa_e}");
-        let far = |vocab: f64| law.at(1e12, vocab, 1e15);
-        let steps = [64.0, 256.0, 1024.0, 4096.0].map(|vocab| far(vocab) - far(4.0 * vocab));
-        assert!(steps.is_sorted_by(|a, b| a > b) && steps[3] > 0.0, "{steps:?}");
-    }
-
-    #[test]
-    fn without_a_vocabulary_it_is_the_law_of_hoffmann() {
-        let total: Vec<IsoFlopPoint> = points(0.0, 2)
-            .into_iter()
-            .filter(|point| point.n_vocab == 256.0)
-            .map(|point| {
-                let tokens = point.budget_flops / 6.0 / point.params_nonvocab;
-                let loss =
-                    2.0 + 30.0 * point.params_nonvocab.powf(-0.4) + 50.0 * tokens.powf(-0.35);
-                IsoFlopPoint { params_vocab: 0.0, n_vocab: 0.0, tokens, loss, ..point }
-            })
-            .collect();
-        let law = fit_joint(&grids(&total), noise(1e-4), false).unwrap();
-        assert!(!law.loss.terms.vocab);
-        assert!(
-            (law.loss.values[2] - 0.4).abs() < 0.01 && (law.loss.values[4] - 0.35).abs() < 0.01
-        );
-        assert!((law.loss.values[0] - 2.0).abs() < 0.02, "{:?}", law.loss.values);
+    fn bound(&self, values: &mut [f64]) {
+        let [low, high] = EXPONENTS;
+        for index in [ALPHA, BETA] {
+            values[index] = values[index].clamp(low, high);
+        }
+        if self.frame.terms.saturating {
+            let [low, high] = KAPPAS_E;
+            let kappa_e = &mut values[self.frame.terms.kappa_e()];
+            *kappa_e = kappa_e.clamp(low, high);
+        }
+        if self.frame.terms.repeats {
+            let ln_r = &mut values[self.frame.terms.ln_r()];
+            *ln_r = ln_r.clamp(LN_R[1], LN_R[2]);
+        }
     }
 }

@@ -1,16 +1,14 @@
 //! Laws through minima: power laws, the loss in C, and their intervals.
 
-mod loss;
-mod power;
+mod law;
 mod resampling;
 
-pub(super) use loss::EXPONENT_RANGE;
-pub use loss::{FloorLaw, FloorSample, LogLaw, LossLaws, floor_law, log_law};
-pub use power::{PowerLaw, power_law};
+pub(super) use law::EXPONENT_RANGE;
+pub use law::{FloorLaw, FloorSample, LogLaw, LossLaws, PowerLaw, floor_law, log_law, power_law};
 pub(super) use resampling::{Bootstrap, Replicate, Sources, minima_with_intervals, validate};
 pub use resampling::{Validation, ValidationKind};
 
-use self::power::from_line;
+use self::law::from_line;
 use crate::laws::input::{FitOptions, Parameters, PerQuantity, Weights, is_same_budget};
 use crate::laws::maths::engine::{Line, least_squares_line};
 use crate::laws::maths::stats::{geometric_mean, interval95};

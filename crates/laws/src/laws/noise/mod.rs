@@ -1,12 +1,9 @@
 //! The noise of losses: of one run, of tokenizers and of test splits.
 
-mod test_split;
-mod tokenizers;
+mod shared;
 
-pub use test_split::TestNoise;
-pub(super) use test_split::{OtherClips, test_noise};
-pub use tokenizers::TokenizerNoise;
-pub(super) use tokenizers::{runs_beside_tokenizers, tokenizer_noise};
+pub(super) use shared::{OtherClips, runs_beside_tokenizers, test_noise, tokenizer_noise};
+pub use shared::{TestNoise, TokenizerNoise};
 
 use crate::laws::input::Cell;
 use crate::laws::maths::stats::{chi_square_tail, distinct};

@@ -1,6 +1,7 @@
 //! Laws of simulated sweeps, whose truth is known.
 
 mod degenerate;
+mod parametric_laws;
 
 use super::*;
 use crate::laws::input::Weights;
