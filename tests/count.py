@@ -3,8 +3,8 @@ files on two ways through them.
 
     python3 tests/count.py [FOLDER ...]
 
-Tests are files named `tests.rs`, `fixtures.rs` or `testing.rs`, files below a folder `tests`, and what
-stands in `#[cfg(test)] mod tests` at the end of a file. A way holds all files that its first ones reach by
+Tests are files named `tests.rs`, `fixtures.rs` or `testing.rs`, files below a folder `tests`, modules that a
+file declares as `#[cfg(test)] mod name;`, and what stands in `#[cfg(test)] mod tests` at the end of a file. A way holds all files that its first ones reach by
 imports, tests left out; a name that a module passes on counts for the file that defines it.
 """
 
@@ -16,11 +16,22 @@ import sys
 TEST_FILES = ("tests.rs", "fixtures.rs", "testing.rs")
 
 
+def is_of_tests(path):
+    """Whether a file is compiled for tests alone."""
+    above = path.parent / "mod.rs"
+    declared = rf"#\[cfg\(test\)\]\n(pub )?mod {path.stem};"
+    return (
+        path.name in TEST_FILES
+        or "tests" in path.parts
+        or (above.exists() and re.search(declared, above.read_text(encoding="utf8")) is not None)
+    )
+
+
 def count(path):
     """Lines of one file by what they are."""
     lines = path.read_text(encoding="utf8").split("\n")
     found = collections.Counter(files=1, above_400=len(lines) > 401)
-    in_tests = path.name in TEST_FILES or "tests" in path.parts
+    in_tests = is_of_tests(path)
     found["files_of_tests"] = in_tests
     for line, after in zip(lines, lines[1:] + [""]):
         in_tests |= line == "#[cfg(test)]" and re.match(r"mod \w+ \{", after) is not None

@@ -1,6 +1,6 @@
 //! An axis of a panel: its span, scale, ticks and number format.
 
-use super::font::{Weight, measure};
+use super::style::{Weight, measure};
 
 /// Size of tick labels, in pixels.
 pub const TICK_EM: f64 = 12.0;

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use super::axis::{Axis, COMPUTE, Scale, signed};
 use super::cells::Cells;
-use super::colour::{JOINT_LAW, LAW, SECOND_LAW};
+use super::cells::{Drawing, Sources};
 use super::fitted::{Role, explain_roles, interval95, known_minima, law_name};
 use super::legend::{Legend, Look, Sample, category_looks, law_stroke, ordered_looks};
 use super::page::Page;
 use super::panel::{BAND, Plot};
 use super::scene::{Point, Stroke};
-use super::sources::{Drawing, Sources};
+use super::style::{JOINT_LAW, LAW, SECOND_LAW};
 use crate::laws::{Candidate, FloorLaw, JointLaw, Laws, LogLaw};
 use crate::record::RunRecord;
 use crate::spec::FlopsRule;

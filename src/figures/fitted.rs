@@ -1,9 +1,9 @@
 //! The parts of laws that figures draw: minima by kind, and the quantities of the optimum.
 
 use super::axis::{signed, span};
-use super::colour::{HELD_OUT, INK, Rgb};
 use super::legend::{Legend, Sample};
 use super::scene::{Mark, Marker};
+use super::style::{HELD_OUT, INK, Rgb};
 use crate::laws::{
     Answer, Coefficient, Exponent, LawKind, Laws, Minimum, MinimumMethod, OptimumAt,
 };

@@ -9,10 +9,10 @@ use image::{ImageOutputFormat, RgbImage, imageops};
 use plotters::backend::{BitMapBackend, DrawingBackend};
 use plotters::style::{Color, RGBColor};
 
-use super::colour::{Rgb, WHITE};
-use super::font::{FAMILY, Weight, font, measure, side_bearing};
 use super::pdf::pdf;
 use super::scene::{Point, Scene, Shape, Text};
+use super::style::{FAMILY, Weight, font, measure, side_bearing};
+use super::style::{Rgb, WHITE};
 
 /// A backend's complaint.
 pub type DrawError = Box<dyn std::error::Error + Send + Sync>;

@@ -2,9 +2,9 @@
 
 use super::axis::scientific;
 use super::cells::ModelSize;
-use super::colour::{MUTED, Rgb, categories, ordered};
-use super::font::{Weight, measure};
 use super::scene::{Anchor, Mark, Marker, Point, Scene, Stroke, plain_text};
+use super::style::{MUTED, Rgb, categories, ordered};
+use super::style::{Weight, measure};
 
 const EM: f64 = 12.0;
 const ROW: f64 = 20.0;

@@ -8,7 +8,7 @@
 //! | the figures | `runs`, `best_loss`, `optima`, `tokenizers`, `quality` |
 //! | content | `sources`, `cells` (runs by model × vocabulary × budget), `fitted` (minima and laws) |
 //! | layout of a page | `page`, `panel`, `axis`, `legend` |
-//! | shapes and files | `scene`, `colour`, `font`, `formats` (SVG, PNG), `pdf` |
+//! | shapes and files | `scene`, `style`, `formats` (SVG, PNG), `pdf` |
 //!
 //! Pages of motions are in [`motion`].
 //!
@@ -39,9 +39,7 @@
 mod axis;
 mod best_loss;
 mod cells;
-mod colour;
 mod fitted;
-mod font;
 mod formats;
 mod legend;
 pub mod motion;
@@ -52,22 +50,22 @@ mod pdf;
 mod quality;
 mod runs;
 mod scene;
-mod sources;
+mod style;
 mod tokenizers;
 
 use std::path::{Path, PathBuf};
 
 pub use best_loss::{GeneratorRuns, generators};
+pub use cells::{Drawing, FigureError, FigureInput};
 pub use formats::Format;
 pub use optima::compare;
 pub use quality::quality;
-pub use sources::{Drawing, FigureError, FigureInput};
 pub use tokenizers::codes;
 
 use crate::files::{FileError, atomic};
 use cells::Shown;
+use cells::Sources;
 use scene::Scene;
-use sources::Sources;
 
 /// The files written by [`draw_all`], and the items that it could not show.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use super::axis::{Axis, COMPUTE, Scale, signed};
 use super::cells::sorted;
-use super::colour::{INK, LAW, SECOND_LAW};
+use super::cells::{Drawing, Sources};
 use super::fitted::{
     Quantity, Role, explain_roles, interval95, known_minima, law_name, minima, outside_remark,
     quantities, within_reach,
@@ -11,7 +11,7 @@ use super::legend::{Legend, Look, Sample, category_looks, law_stroke, ordered_lo
 use super::page::Page;
 use super::panel::{BAND, Plot};
 use super::scene::Point;
-use super::sources::{Drawing, Sources};
+use super::style::{INK, LAW, SECOND_LAW};
 use crate::laws::{Answer, Coefficient, Laws, Minimum, Parameters};
 
 // Against C.

@@ -1,10 +1,10 @@
 //! The page of a figure: title and remarks above, panels below them, the legend to the right.
 
-use super::colour::MUTED;
-use super::font::{Weight, wrap};
 use super::legend::Legend;
 use super::panel::{Panel, Plot, Rect};
 use super::scene::{Anchor, Scene, Text, plain_text};
+use super::style::MUTED;
+use super::style::{Weight, wrap};
 
 const MARGIN: f64 = 18.0;
 const TITLE_EM: f64 = 17.0;

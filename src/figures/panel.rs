@@ -3,9 +3,9 @@
 use crate::laws::Coefficient;
 
 use super::axis::{Axis, Direction, TICK_EM};
-use super::colour::{FRAME, GRID, Rgb};
 use super::legend::{Look, law_stroke};
 use super::scene::{Anchor, Mark, Point, Scene, Stroke, plain_text};
+use super::style::{FRAME, GRID, Rgb};
 
 const TICK_LENGTH: f64 = 5.0;
 /// How strongly an interval is tinted with its law's colour.

@@ -7,9 +7,9 @@ use pdf_writer::types::{CidFontType, FontFlags, LineJoinStyle, SystemInfo, Unico
 use pdf_writer::{Content, Filter, Name, Pdf, Rect, Ref, Str};
 use subsetter::GlyphRemapper;
 
-use super::colour::{Rgb, WHITE};
-use super::font::Weight;
 use super::scene::{Point, Scene, Shape, Text};
+use super::style::Weight;
+use super::style::{Rgb, WHITE};
 
 const CATALOG: Ref = Ref::new(1);
 const PAGES: Ref = Ref::new(2);

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::axis::{Axis, COMPUTE, Scale};
+use super::cells::Drawing;
 use super::legend::{Legend, Sample, bound_stroke, category_looks};
 use super::page::Page;
 use super::panel::Plot;
 use super::scene::Point;
-use super::sources::Drawing;
 use crate::record::Quality;
 use crate::scores::rank_correlation;
 

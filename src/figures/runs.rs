@@ -4,13 +4,13 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::axis::{Axis, COMPUTE, Scale, scientific, span};
 use super::cells::CellMean;
-use super::colour::{ENVELOPE, INK};
+use super::cells::{Drawing, Sources, few_enough};
 use super::fitted::{explain_marks, outside_remark, quantities};
 use super::legend::{Legend, Look, Sample, category_looks, ordered_looks};
 use super::page::Page;
 use super::panel::Plot;
 use super::scene::{Mark, Marker, Point, Stroke};
-use super::sources::{Drawing, Sources, few_enough};
+use super::style::{ENVELOPE, INK};
 use crate::laws::{Minimum, MinimumMethod};
 
 /// L_u against training FLOPs, a panel a vocabulary, with the lower envelope (ScaMo Fig. 2).

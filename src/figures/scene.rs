@@ -2,8 +2,8 @@
 //!
 //! The page's origin is its upper left corner; y grows downwards.
 
-use super::colour::{INK, Rgb, WHITE};
-use super::font::Weight;
+use super::style::Weight;
+use super::style::{INK, Rgb, WHITE};
 
 /// (x, y) in page pixels.
 pub type Point = (f64, f64);

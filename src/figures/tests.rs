@@ -29,7 +29,7 @@ fn every_figure_of_a_whole_sweep_is_drawn_in_every_format() {
     for (name, _) in figures(&sweep.input()) {
         let svg = fs::read_to_string(folder.path().join(format!("{name}.svg"))).unwrap();
         assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"), "{name}");
-        assert!(svg.contains("quickstart") && svg.contains(font::FAMILY), "{name}");
+        assert!(svg.contains("quickstart") && svg.contains(style::FAMILY), "{name}");
         let png = fs::read(folder.path().join(format!("{name}.png"))).unwrap();
         assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n", "{name}");
         assert!(png_is_twice_the_svg(&png, &svg), "{name}");
@@ -211,7 +211,7 @@ fn every_text_lies_on(scene: &Scene, name: &str) {
 }
 
 fn lies_on(text: &scene::Text, scene: &Scene) -> bool {
-    let width = font::measure(&text.content, text.weight, text.em);
+    let width = style::measure(&text.content, text.weight, text.em);
     let before = text.anchor.share() * width;
     let (x, y) = text.at;
     if text.upward {

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use super::axis::{Axis, Scale};
 use super::cells::sorted;
-use super::colour::MUTED;
+use super::cells::{Drawing, Sources};
 use super::legend::{Legend, Look, Sample, bound_stroke, category_looks, ordered_looks};
 use super::page::Page;
 use super::panel::Plot;
 use super::scene::{Mark, Marker, Point, Stroke};
-use super::sources::{Drawing, Sources};
+use super::style::MUTED;
 use crate::codes::{CodeMap, ScaleCodes, TokenizerMetrics};
 
 /// One panel: its title, the name of its axis, its values.

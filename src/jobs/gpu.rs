@@ -4,8 +4,8 @@
 //! which that rule may leave out, cost time and add nothing to it.
 
 use super::folder::ResultsFolder;
-use super::history::rates;
 use super::job::Job;
+use super::speed::rates;
 use super::speed::{Rate, rate_at};
 use crate::machine::Card;
 use crate::plan::{Plan, PlannedRun, Trunk, bytes_on_card};

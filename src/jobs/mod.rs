@@ -25,7 +25,6 @@ mod folder;
 pub mod gpu;
 mod graph;
 #[cfg(feature = "train")]
-pub mod history;
 mod job;
 #[cfg(feature = "train")]
 pub mod presence;

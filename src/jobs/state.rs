@@ -6,10 +6,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::folder::{JobState, ResultsFolder};
-use super::history::{Finished, known};
 use super::job::{Job, JobId, JobKind};
 use super::presence::{self, Scheduler};
 use super::seen::{Counts, Seen};
+use super::speed::{Finished, known};
 use super::speed::{Speed, seconds_left};
 use crate::failure::{Failure, FailureKind};
 use crate::files::{FileError, read_if_there};
@@ -280,7 +280,7 @@ fn lost(plan: &Planned, inputs: &[Seen], runs: &[Seen]) -> HashSet<JobId> {
 mod tests {
     use super::*;
     use crate::files::atomic::write_json;
-    use crate::jobs::history;
+    use crate::jobs::speed;
     use serde_json::json;
     use std::fs::{self, File};
 
@@ -347,7 +347,7 @@ mod tests {
         let folder = planned(&place, 3);
         let all = |_: &JobId| true;
         assert_eq!(time_left(&folder, 1, &all).unwrap(), None, "nothing tells how fast runs are");
-        history::note(&folder, &Speed::new(vec![(1.0, 0.5)], 0.25)).unwrap();
+        speed::note(&folder, &Speed::new(vec![(1.0, 0.5)], 0.25)).unwrap();
         // Runs of 1, 2 and 3 FLOPs at a half a second; a tokenizer and its codes of 1 each at a quarter.
         let estimate = |slots| time_left(&folder, slots, &all).unwrap().unwrap();
         assert_eq!([estimate(1), estimate(2)], [12.0 + 8.0, 10.0]);

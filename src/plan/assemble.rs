@@ -1,9 +1,9 @@
 //! [`Plan`]: every job of a sweep with its id and its cost.
 
 use super::cells::{Renamed, renamed};
+use super::planned::remarks;
 use super::planned::{EvaluatorJob, PlannedRun, ScoreJob};
 use super::price::price;
-use super::remarks::remarks;
 use super::trunk::{Dropped, PricedCell, Trunk, branch};
 use crate::data::{DataFacts, Demand};
 use crate::spec::{

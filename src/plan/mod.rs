@@ -21,7 +21,6 @@ mod cells;
 mod memory;
 mod planned;
 mod price;
-mod remarks;
 mod trunk;
 
 pub use assemble::{MOST_USEFUL_EPOCHS, NO_TOKENIZER, Plan, TextJob, demand};

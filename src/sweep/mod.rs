@@ -17,7 +17,6 @@
 mod cells;
 mod check;
 mod overrides;
-mod path;
 pub mod presets;
 mod problem;
 mod reference;
@@ -36,7 +35,7 @@ use std::path::Path;
 
 use serde_yaml::{Mapping, Value};
 
-use check::{check, engine, ranges};
+use check::{check, engine};
 use presets::Layers;
 use problem::nearest;
 use typed::{RemovedEntries, typed};
@@ -94,10 +93,10 @@ fn gather(keys: Mapping, source: Source, settings: &[String]) -> Result<Sweep, S
 fn check_all(mut value: Value, settings: &[String]) -> Result<Sweep, Vec<Problem>> {
     let mut problems = overrides::apply(&mut value, settings);
     let mut removed = RemovedEntries::default();
-    let outside = ranges::of_sweep(&value);
+    let outside = typed::outside_of_sweep(&value);
     // From behind, so that no item of a list moves before it is taken out.
     for Problem { path, .. } in outside.iter().rev() {
-        path::remove(&mut value, path);
+        variants::remove(&mut value, path);
         removed.note(path.clone());
     }
     let sweep: Option<Sweep> = typed(value, &mut removed, &mut problems);
@@ -117,7 +116,7 @@ fn gather_profile(text: &str) -> Result<SlurmSection, Vec<Problem>> {
     let mut problems = Vec::new();
     let value = value.map_err(|problem| vec![problem])?;
     let value = Value::Mapping(value);
-    let outside = ranges::of_profile(&value);
+    let outside = typed::outside_of_profile(&value);
     let section: Option<SlurmSection> = typed(value, &mut RemovedEntries::default(), &mut problems);
     problems.extend(outside);
     problems.extend(section.iter().flat_map(|section| engine::slurm(section, "")));

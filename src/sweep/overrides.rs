@@ -2,8 +2,8 @@
 
 use serde_yaml::{Mapping, Value};
 
-use super::path;
 use super::problem::Problem;
+use super::variants::entry;
 
 /// The key of a sweep file that names a preset.
 pub const PRESET: &str = "preset";
@@ -65,7 +65,7 @@ fn set(value: &mut Value, setting: &str) -> Result<(), Problem> {
     };
     let (place, text) = setting.split_once('=').ok_or_else(|| wrong("no `=` in it"))?;
     let new = serde_yaml::from_str(text).map_err(|_| wrong("the value is not valid YAML"))?;
-    *path::entry(value, place).ok_or_else(|| wrong("there is no such entry"))? = new;
+    *entry(value, place).ok_or_else(|| wrong("there is no such entry"))? = new;
     Ok(())
 }
 

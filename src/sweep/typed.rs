@@ -1,10 +1,14 @@
 //! Converts a YAML value to its type, and names every wrong entry in terms of YAML.
 
-use serde::de::DeserializeOwned;
-use serde_yaml::Value;
-
-use super::path;
 use super::problem::{Problem, nearest};
+use super::sections::{SlurmSection, Sweep};
+use super::variants::remove;
+use crate::units::ranges::outside;
+use schemars::schema_for;
+use serde::de::DeserializeOwned;
+use serde_json::Value as Schema;
+use serde_yaml::Value;
+use std::sync::LazyLock;
 
 /// Entries that are told at once: each is looked for in the whole file again.
 const MOST_TOLD: usize = 20;
@@ -32,7 +36,7 @@ pub fn typed<T: DeserializeOwned>(
             problems.push(Problem::value("", "there may be more: mend these first"));
             return None;
         }
-        if path.is_empty() || !path::remove(&mut value, &path) {
+        if path.is_empty() || !remove(&mut value, &path) {
             return None;
         }
         removed.note(in_the_file);
@@ -153,6 +157,25 @@ impl RemovedEntries {
         items.sort_unstable();
         items
     }
+}
+
+// Numbers of a sweep file or a profile outside the ranges at their fields.
+
+static SWEEP: LazyLock<Schema> = LazyLock::new(|| schema_for!(Sweep).to_value());
+static PROFILE: LazyLock<Schema> = LazyLock::new(|| schema_for!(SlurmSection).to_value());
+
+/// Problems of a sweep file, or of a part of one, as written.
+pub fn outside_of_sweep(keys: &Value) -> Vec<Problem> {
+    problems(&SWEEP, keys)
+}
+
+/// Problems of a profile.
+pub fn outside_of_profile(keys: &Value) -> Vec<Problem> {
+    problems(&PROFILE, keys)
+}
+
+fn problems(schema: &Schema, keys: &Value) -> Vec<Problem> {
+    outside(schema, keys).into_iter().map(|(path, told)| Problem::value(path, told)).collect()
 }
 
 #[cfg(test)]

@@ -1,9 +1,8 @@
 //! `grid.vary`: expands one sweep into several that differ in given keys.
 
-use serde_json::Value;
-
-use super::path;
 use super::sections::Sweep;
+use serde_json::Value as Json;
+use serde_yaml::{Mapping, Value};
 
 /// A sweep with one value for each varied key.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,16 +42,16 @@ impl Sweep {
     ///
     /// # Errors
     /// serde's error of an invalid value.
-    pub(super) fn with(&self, key: &str, value: &Value) -> Result<Self, String> {
+    pub(super) fn with(&self, key: &str, value: &Json) -> Result<Self, String> {
         let mut whole = serde_yaml::to_value(self).map_err(|error| error.to_string())?;
-        let place = path::entry(&mut whole, key).ok_or("there is no such entry")?;
+        let place = entry(&mut whole, key).ok_or("there is no such entry")?;
         *place = serde_yaml::to_value(value).map_err(|error| error.to_string())?;
         serde_yaml::from_value(whole).map_err(|error| error.to_string())
     }
 }
 
 impl Variant {
-    fn with(&self, key: &str, value: &Value) -> Result<Self, String> {
+    fn with(&self, key: &str, value: &Json) -> Result<Self, String> {
         let own = setting(key, value);
         let label =
             self.label.as_ref().map_or_else(|| own.clone(), |label| format!("{label}, {own}"));
@@ -62,11 +61,74 @@ impl Variant {
 }
 
 /// `train.lr=0.001`; JSON is YAML.
-fn setting(key: &str, value: &Value) -> String {
+fn setting(key: &str, value: &Json) -> String {
     match value {
-        Value::String(text) => format!("{key}={text}"),
+        Json::String(text) => format!("{key}={text}"),
         other => format!("{key}={other}"),
     }
+}
+
+// Entries of a value by their paths, as `grid.models[1].n_head`.
+
+/// The entry at a path, whose keys are made where they are missing; `None` where there can be none.
+pub fn entry<'a>(value: &'a mut Value, path: &str) -> Option<&'a mut Value> {
+    steps(path)?.iter().try_fold(value, |at, step| step.enter(at))
+}
+
+/// Takes the entry at `path` away; false where there is none.
+pub fn remove(value: &mut Value, path: &str) -> bool {
+    let Some(mut steps) = steps(path) else { return false };
+    let Some(last) = steps.pop() else { return false };
+    match (steps.iter().try_fold(value, |at, step| step.find(at)), last) {
+        (Some(Value::Mapping(map)), PathStep::Key(key)) => map.remove(key.as_str()).is_some(),
+        (Some(Value::Sequence(list)), PathStep::Index(i)) if i < list.len() => {
+            list.remove(i);
+            true
+        }
+        _ => false,
+    }
+}
+
+enum PathStep {
+    Key(String),
+    Index(usize),
+}
+
+impl PathStep {
+    fn find<'a>(&self, value: &'a mut Value) -> Option<&'a mut Value> {
+        match self {
+            PathStep::Key(key) => value.get_mut(key.as_str()),
+            PathStep::Index(index) => value.get_mut(*index),
+        }
+    }
+
+    /// Like `find`, but makes a missing key of a mapping.
+    fn enter<'a>(&self, value: &'a mut Value) -> Option<&'a mut Value> {
+        if value.is_null() {
+            *value = Value::Mapping(Mapping::new());
+        }
+        match (self, value) {
+            (PathStep::Key(key), Value::Mapping(map)) => {
+                Some(map.entry(key.as_str().into()).or_insert(Value::Null))
+            }
+            (step, value) => step.find(value),
+        }
+    }
+}
+
+/// `grid.models[1].n_head` as steps.
+fn steps(path: &str) -> Option<Vec<PathStep>> {
+    let mut steps = Vec::new();
+    for part in path.split('.') {
+        let (key, indices) = part.split_at(part.find('[').unwrap_or(part.len()));
+        if !key.is_empty() {
+            steps.push(PathStep::Key(key.to_string()));
+        }
+        for index in indices.split('[').skip(1) {
+            steps.push(PathStep::Index(index.strip_suffix(']')?.parse().ok()?));
+        }
+    }
+    (!steps.is_empty()).then_some(steps)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! [`LocalPool`]: slots that take the next ready job until none is left.
 
 use super::display::Display;
-use super::timeline::Timeline;
+use super::traces::Timeline;
 use crate::engine::runner::{JobEnd, JobReport, Runner};
 use crate::failure::{Failure, FailureKind};
 use crate::jobs::{Job, JobId};

@@ -1,7 +1,7 @@
 //! [`LocalProcesses`]: one watched worker process per job.
 
-use super::curve::Curve;
 use super::gpus::{Gpus, VISIBLE};
+use super::traces::Curve;
 use crate::engine::runner::{JobEnd, Runner, Track};
 use crate::failure::{Failure, FailureKind};
 use crate::files::{self, FileError};

@@ -1,13 +1,13 @@
 //! The animated page: caption, legend, ground, and the body that moves on it by SMIL, which browsers play
 //! without a script.
 
-use super::body::{HEAD_RADIUS, REACH, far_to_near, head};
-use super::caption::{self, cleaned, facts};
+use super::marks::{self, cleaned, facts};
+use super::marks::{HEAD_RADIUS, REACH, far_to_near, head};
 use super::room::{Bounds, Seen, Segment, View, below, grid, not_drawn, path, see};
-use crate::figures::colour::{GRID, INK, MUTED, Rgb, SHADOW};
-use crate::figures::font::{Weight, measure, wrap};
 use crate::figures::formats::{self, escaped, unit};
 use crate::figures::scene::{Anchor, Point, Scene, Stroke, plain_text};
+use crate::figures::style::{GRID, INK, MUTED, Rgb, SHADOW};
+use crate::figures::style::{Weight, measure, wrap};
 use crate::motion::Pose;
 
 const WIDTH: f64 = 640.0;
@@ -26,7 +26,7 @@ pub fn svg(poses: &[Pose], fps: f32, text: &str) -> String {
     let mut scene = Scene::new(WIDTH, 0.0);
     // For readers of the screen.
     let title = format!("<title>{}</title>\n", escaped(&cleaned(text)));
-    let top = caption::write(&mut scene, text, TITLE_EM, (MARGIN, MARGIN), WIDTH - 2.0 * MARGIN);
+    let top = marks::write(&mut scene, text, TITLE_EM, (MARGIN, MARGIN), WIDTH - 2.0 * MARGIN);
     if let Some(reason) = not_drawn(poses) {
         let remark = plain_text("", (MARGIN, top + MARGIN), Anchor::Start, REMARK_EM);
         let lines = wrap(&reason, Weight::Normal, REMARK_EM, WIDTH - 2.0 * MARGIN);
@@ -55,7 +55,7 @@ fn remarks(scene: &mut Scene, top: f64, facts: &str, side: f64) -> f64 {
     let facts = format!("{facts}, squares of {side} m");
     scene.text(plain_text(&facts, (MARGIN, y), Anchor::Start, REMARK_EM).coloured(MUTED));
     let right = MARGIN + measure(&facts, Weight::Normal, REMARK_EM) + MARGIN;
-    caption::sides(scene, (right, y), REMARK_EM);
+    marks::sides(scene, (right, y), REMARK_EM);
     y
 }
 

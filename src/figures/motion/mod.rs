@@ -10,8 +10,7 @@
 //! The same motion gives the same bytes. `docs/motion-files.md` describes the files.
 
 mod animation;
-mod body;
-mod caption;
+mod marks;
 mod room;
 mod sheet;
 

@@ -2,13 +2,13 @@
 
 use image::RgbImage;
 
-use super::body::{HEAD_RADIUS, REACH, far_to_near, head};
-use super::caption::{self, facts};
+use super::marks::{self, facts};
+use super::marks::{HEAD_RADIUS, REACH, far_to_near, head};
 use super::room::{Bounds, Segment, View, not_drawn, patch, path, see, within};
-use crate::figures::colour::{GRID, INK, MUTED, Rgb, WHITE};
-use crate::figures::font::{Weight, measure};
 use crate::figures::formats::{self, DrawError, raster};
 use crate::figures::scene::{Anchor, Point, Scene, Shape, Stroke, plain_text};
+use crate::figures::style::{GRID, INK, MUTED, Rgb, WHITE};
+use crate::figures::style::{Weight, measure};
 use crate::motion::Pose;
 
 /// Poses of a row.
@@ -38,7 +38,7 @@ pub fn png(rows: &[Row]) -> Result<Vec<u8>, DrawError> {
     let bounds = bounds.ok_or("a sheet needs a motion")?;
     // The legend above the rows.
     let mut header = Scene::new(WIDTH, MARGIN + LABEL_EM);
-    caption::sides(&mut header, (MARGIN, MARGIN), LABEL_EM);
+    marks::sides(&mut header, (MARGIN, MARGIN), LABEL_EM);
     let mut sheet = raster(&header)?;
     // Row by row: a whole sheet in the renderer's fine pixels would fill the memory.
     for row in rows {
@@ -101,7 +101,7 @@ impl Row<'_> {
     fn title(&self, scene: &mut Scene, facts: &str) -> f64 {
         let room = measure(facts, Weight::Normal, LABEL_EM) + 24.0;
         let (corner, width) = ((MARGIN, MARGIN / 2.0), WIDTH - 2.0 * MARGIN - room);
-        let y = caption::write(scene, self.caption, TITLE_EM, corner, width);
+        let y = marks::write(scene, self.caption, TITLE_EM, corner, width);
         let at = (WIDTH - MARGIN, MARGIN / 2.0 + 0.95 * TITLE_EM);
         scene.text(plain_text(facts, at, Anchor::End, LABEL_EM).coloured(MUTED));
         y.max(MARGIN / 2.0 + 1.35 * TITLE_EM) + 4.0

@@ -2,7 +2,6 @@
 
 pub mod engine;
 mod grid;
-pub mod ranges;
 mod vary;
 
 use super::problem::{Problem, nearest};

@@ -2,11 +2,11 @@
 
 use serde_json::Value;
 
-use super::ranges;
-use crate::sweep::path;
 use crate::sweep::problem::Problem;
 use crate::sweep::sections::Sweep;
+use crate::sweep::typed::outside_of_sweep;
 use crate::sweep::variants::Variant;
+use crate::sweep::variants::entry;
 
 /// Sections whose keys can be axes: they say how a cell is built and trained, and not which cells there are.
 const SECTIONS: [&str; 3] = ["train", "model", "tokenizer"];
@@ -66,7 +66,7 @@ fn of_key(
         return vec![Problem::value(path, "a value stands twice")];
     }
     let of_value = |(i, value): (usize, &Value)| {
-        let message = match (ranges::of_sweep(&at_key(key, value)).pop(), sweep.with(key, value)) {
+        let message = match (outside_of_sweep(&at_key(key, value)).pop(), sweep.with(key, value)) {
             (Some(problem), _) => Some(problem.message),
             (None, Err(message)) => Some(message),
             (None, Ok(own)) => fresh(&own),
@@ -79,7 +79,7 @@ fn of_key(
 /// A sweep file with a value at a key and nothing else.
 fn at_key(key: &str, value: &Value) -> serde_yaml::Value {
     let mut file = serde_yaml::Value::Null;
-    if let (Some(place), Ok(value)) = (path::entry(&mut file, key), serde_yaml::to_value(value)) {
+    if let (Some(place), Ok(value)) = (entry(&mut file, key), serde_yaml::to_value(value)) {
         *place = value;
     }
     file

@@ -21,7 +21,6 @@
 pub mod bvh;
 mod features;
 pub(crate) mod geometry;
-mod heading;
 mod mirror;
 mod recover;
 pub mod retarget;

@@ -6,7 +6,6 @@
 //! least squares, leaving a run out lowers their sum of squares by its fall r²/M, which judges ends and
 //! inner sizes alike, and z = |r|/√M scatters as one run does.
 
-use super::groups::{by, params};
 use crate::laws::IsoFlopPoint;
 
 /// Where a size stands among those of its budget.
@@ -198,4 +197,29 @@ fn norm(values: &[f64]) -> f64 {
 fn clear(values: &mut [f64], unit: &[f64]) {
     let along: f64 = values.iter().zip(unit).map(|(x, u)| x * u).sum();
     values.iter_mut().zip(unit).for_each(|(x, u)| *x -= along * u);
+}
+
+// Points by a value of theirs.
+
+/// Relative distance within which two values are one but for rounding.
+const SAME: f64 = 1e-9;
+
+/// N = N_nv + N_v.
+pub(super) fn params(point: &IsoFlopPoint) -> f64 {
+    point.params_nonvocab + point.params_vocab
+}
+
+/// Indices into `points` grouped by a value, ascending; those of each group in the order given.
+pub(super) fn by(
+    points: &[IsoFlopPoint],
+    indices: &[usize],
+    value: impl Fn(&IsoFlopPoint) -> f64,
+) -> Vec<Vec<usize>> {
+    let of = |index: usize| value(&points[index]);
+    let mut sorted = indices.to_vec();
+    sorted.sort_by(|a, b| of(*a).total_cmp(&of(*b)));
+    let same = |a: &usize, b: &usize| (of(*a) - of(*b)).abs() <= SAME * of(*b).abs();
+    let mut groups: Vec<Vec<usize>> = sorted.chunk_by(same).map(<[usize]>::to_vec).collect();
+    groups.iter_mut().for_each(|group| group.sort_unstable());
+    groups
 }

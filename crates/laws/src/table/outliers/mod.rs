@@ -1,7 +1,6 @@
 //! Drops doubtful rows, one stage at a time; each stage is a pure function of the points.
 
 mod course;
-mod groups;
 mod suspects;
 #[cfg(test)]
 mod tests;
@@ -11,7 +10,7 @@ use std::str::FromStr;
 
 use serde::Serialize;
 
-use self::groups::{by, params};
+use self::course::{by, params};
 use super::{UnknownName, named};
 use crate::laws::IsoFlopPoint;
 

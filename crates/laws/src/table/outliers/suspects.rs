@@ -1,7 +1,6 @@
 //! Which runs are off the course of the others, where a bad one moves the course around it too.
 
-use super::course::{Judged, Place, judge};
-use super::groups::by;
+use super::course::{Judged, Place, by, judge};
 use crate::laws::IsoFlopPoint;
 use crate::laws::text::times;
 

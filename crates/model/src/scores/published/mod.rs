@@ -5,7 +5,6 @@
 //! interval.
 
 mod page;
-mod vocabulary;
 
 use std::collections::BTreeMap;
 use std::fmt;
