@@ -17,7 +17,7 @@ use crate::data::{self, Split};
 use crate::draws::below;
 use crate::evaluator::{Evaluator, EvaluatorReport, Truth};
 use crate::files::FileError;
-use crate::generator::{self, GeneratorError, Prompt, Sampled, Sampler, Sampling};
+use crate::generator::{self, Edit, GeneratorError, Prompt, Sampled, Sampler, Sampling};
 use crate::learn::weights;
 use crate::spec::{EvaluatorSection, RunSpec};
 use crate::text::{self, TextEncoder, as_in_data};
@@ -102,7 +102,8 @@ impl TrainedRun {
         self.sampler.sample(prompts, &self.tokenizer, sampling)
     }
 
-    /// The same decoded; `detokenizer_guidance` sets how closely a tokenizer with language follows the captions.
+    /// The same decoded; `detokenizer_guidance` sets how closely a tokenizer with language follows the captions, which of an
+    /// edited motion only the part reads.
     ///
     /// # Errors
     /// As [`TrainedRun::sample`] and [`Tokenizer::decode`].
@@ -115,8 +116,13 @@ impl TrainedRun {
         let tokenizer = &self.tokenizer;
         let decoded = |(prompt, sampled): (&Prompt, Sampled)| {
             let (codes, n_frames) = (&sampled.codes, sampled.n_frames);
-            let text = Some(prompt.text);
-            let features = tokenizer.decode(codes, n_frames, text, detokenizer_guidance)?;
+            let (text, guidance) = (prompt.text, detokenizer_guidance);
+            let features = match prompt.edit {
+                None => tokenizer.decode(codes, n_frames, Some(text), guidance)?,
+                Some(Edit { anew, .. }) => {
+                    tokenizer.decode_edited((codes, anew), n_frames, text, guidance)?
+                }
+            };
             Ok(MadeMotion { sampled, features })
         };
         let sampled = self.sample(prompts, sampling)?;

@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::support::{Place, records};
 
 /// Makes motions with a sweep's runs; gives the elements of `motions.json`.
-fn made(place: &Place, run: &str, more: &[&str]) -> Vec<Value> {
+pub fn made(place: &Place, run: &str, more: &[&str]) -> Vec<Value> {
     let words = [&["generate", "A person  walks", "someone jumps", "--run", run], more].concat();
     place.isoflop(&words).exits(0);
     let out = more.iter().skip_while(|word| **word != "--out").nth(1).expect("--out is given");
@@ -17,7 +17,7 @@ fn made(place: &Place, run: &str, more: &[&str]) -> Vec<Value> {
 }
 
 /// A run of a generator in `results/NAME`, which is at `results`.
-fn run_of_kind(results: &Path, kind: &str) -> String {
+pub fn run_of_kind(results: &Path, kind: &str) -> String {
     let runs = fs::read_dir(results.join("runs")).expect("runs").flatten().map(|run| run.path());
     let is_kind = |run: &PathBuf| {
         let spec = fs::read_to_string(run.join("spec.json"));
@@ -200,38 +200,4 @@ fn residual_codes_are_made_one_after_another_or_in_two_stages() {
     place.isoflop(&words).exits(2).says("ask for at most 2");
     let words = ["generate", "walk", "--run", &run, "--frames", "3", "--out", "short"];
     place.isoflop(&words).exits(2).says("ask for at least 4 frames");
-}
-
-#[test]
-fn a_part_of_a_motion_is_made_anew_and_the_rest_stays() {
-    let place = Place::with("mini.yaml");
-    place.isoflop(&["run", "mini.yaml", "--set", "generator=masked"]).exits(0);
-    let run = "results/mini";
-    made(&place, run, &["--out", "whole", "--frames", "60"]);
-    let file = "whole/0.features.npy";
-    place.isoflop(&["tokenize", file, "--run", run, "--out", "codes"]).exits(0);
-    let source = place.json("codes/0.json");
-    let source = source["codes"].as_array().expect("codes").clone();
-    // Any code is about as likely as any other at such a temperature.
-    let anew = ["--edit", file, "--anew", "1..2", "--temperature", "50", "--out", "edited"];
-    let edited = made(&place, run, &anew);
-    // A code stands for a fifth of a second.
-    let stays = |place: usize| !(5..10).contains(&place);
-    for motion in &edited {
-        let codes = motion["codes"].as_array().expect("codes");
-        assert_eq!((codes.len(), motion["length"].as_u64()), (15, Some(60)));
-        assert!((0..15).filter(|&i| stays(i)).all(|i| codes[i] == source[i]), "{codes:?}");
-    }
-    assert!(edited.iter().any(|motion| motion["codes"].as_array() != Some(&source)));
-    let longer = ["--edit", file, "--anew", "2.5..", "--seconds", "4", "--out", "longer"];
-    assert!(made(&place, run, &longer).iter().all(|motion| motion["length"] == 80));
-    let refused = |words: &[&str], sentence: &str| {
-        let all = [&["generate", "walk", "--run", run, "--out", "no"], words].concat();
-        place.isoflop(&all).exits(2).says(sentence);
-    };
-    refused(&["--edit", file], "--anew");
-    refused(&["--edit", file, "--anew", "2..1"], "no span of seconds");
-    refused(&["--edit", file, "--anew", "9.."], "which is 3.00 s long");
-    refused(&["--edit", file, "--anew", "..1", "--frames", "20"], "ask for no fewer");
-    refused(&["--edit", "mini.yaml", "--anew", "..1"], "no motion that can be read");
 }

@@ -4,6 +4,7 @@ mod bits;
 mod compare;
 mod custom_trainer;
 mod data;
+mod edit;
 mod exact;
 mod export;
 mod failures;

@@ -3,11 +3,8 @@
 use crate::commands::args::{not_negative, number, share};
 use crate::commands::context::device;
 use crate::commands::prelude::*;
-use crate::commands::tokenize::{lines_of, warn_of};
-use isoflop::data::read_motion;
+use crate::commands::tokenize::lines_of;
 use isoflop::generator::{Draw, Sampling};
-use isoflop::jobs::TrainedRun;
-use isoflop::motion::N_FEATURES;
 use isoflop::ops::DeviceName;
 use std::ops::Range;
 
@@ -64,6 +61,12 @@ pub struct GenerateArgs {
     /// Seconds of --edit to generate again: `1.5..3`, `..2` or `4..`; may be repeated
     #[arg(long, value_name = "FROM..TO", requires = "edit", value_parser = span)]
     pub anew: Vec<Range<f64>>,
+    /// Put the frames of --edit back outside of --anew, in place of their reconstruction
+    #[arg(long, requires = "edit")]
+    pub paste: bool,
+    /// Seconds before and after --anew over which the new part goes over into the rest
+    #[arg(long, value_name = "S", requires = "edit", default_value_t = 0.5, value_parser = not_negative)]
+    pub fade: f64,
     /// Make no files: measure the time per motion, by batch size, with and without guidance
     #[arg(long, conflicts_with_all = ["edit", "out", "texts"])]
     pub times: bool,
@@ -91,11 +94,6 @@ impl GenerateArgs {
         seconds.or(self.frames.map(|frames| frames as usize))
     }
 
-    /// The motion that is made anew in part.
-    pub fn source(&self, run: &TrainedRun, output: &Output) -> Result<Option<Source>> {
-        self.edit.as_ref().map(|path| Source::read(path, self, run, output)).transpose()
-    }
-
     /// The sampling options.
     pub fn sampling(&self) -> Sampling {
         let top_k = self.top_k.map(|k| k as usize);
@@ -106,50 +104,6 @@ impl GenerateArgs {
 
 fn positive(text: &str) -> Result<f64, String> {
     number(text, |x| x > 0.0, "a number above 0")
-}
-
-// Editing a part of a motion.
-
-/// A motion in a file, and the seconds of it to generate again.
-pub struct Source {
-    /// `[n_frames, 263]` row-major.
-    pub features: Vec<f32>,
-    /// For each latent, whether it is generated again.
-    pub anew: Vec<bool>,
-}
-
-impl Source {
-    /// Reads a motion; if more frames are asked for than it has, the frames beyond its end are generated too.
-    ///
-    /// # Errors
-    /// The file is no motion, is longer than what is asked for, or nothing of it is made anew.
-    fn read(path: &Path, args: &GenerateArgs, run: &TrainedRun, output: &Output) -> Result<Self> {
-        let mut features = read_motion(path, run.spec.fps)?;
-        warn_of(std::iter::once((path, &*features)), run.tokenizer.stats(), output);
-        let own = features.len() / N_FEATURES;
-        let n_frames = args.n_frames(run.spec.fps).unwrap_or(own);
-        if n_frames < own {
-            bail!("{} has {own} frames; ask for no fewer than that", path.display());
-        }
-        let last = features[features.len() - N_FEATURES..].to_vec();
-        features.extend(last.repeat(n_frames - own));
-        let frames = run.tokenizer.spec().frames_per_latent();
-        let is_anew = |latent: usize| {
-            let middle = (latent as f64 + 0.5) * frames as f64;
-            middle >= own as f64 || args.anew.iter().any(|s| s.contains(&(middle / run.spec.fps)))
-        };
-        let anew: Vec<bool> = (0..n_frames / frames).map(is_anew).collect();
-        if !anew.contains(&true) {
-            let length = own as f64 / run.spec.fps;
-            bail!("--anew names no part of {}, which is {length:.2} s long", path.display());
-        }
-        Ok(Self { features, anew })
-    }
-
-    /// Its frames.
-    pub fn n_frames(&self) -> usize {
-        self.features.len() / N_FEATURES
-    }
 }
 
 /// A span of seconds: `1.5..3`, `..2` or `4..`.

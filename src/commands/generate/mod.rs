@@ -1,14 +1,15 @@
 //! `isoflop generate`: makes motions from captions with a trained run, and writes files.
 
 mod args;
+mod edit;
 mod times;
 
 pub use args::GenerateArgs;
 
 use super::prelude::*;
-use args::Source;
+use edit::Source;
 use isoflop::figures::motion::{CaptionedMotion, write_motion, write_sheet};
-use isoflop::generator::{Edit, Prompt};
+use isoflop::generator::Prompt;
 use isoflop::jobs::{MadeMotion, TrainedRun};
 use isoflop::motion::recover_joints;
 use isoflop::scores::{Physics, physics};
@@ -26,8 +27,6 @@ struct Order {
     /// The caption's vectors.
     text: Vec<f32>,
     n_frames: Option<usize>,
-    /// The codes of the motion to edit.
-    codes: Option<Vec<u32>>,
     /// Its number: names its files and selects its stream of random numbers.
     index: usize,
 }
@@ -42,7 +41,8 @@ pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
         bail!("the run's tokenizer has no language that --detokenizer-guidance could follow");
     }
     let out = folder(args, &run)?;
-    let source = args.source(&run, output)?;
+    let source =
+        args.edit.as_ref().map(|path| Source::read(path, args, &run, output)).transpose()?;
     let orders = orders(args, &run, source.as_ref())?;
     let started = Instant::now();
     let made = make(args, &run, &orders, source.as_ref())?;
@@ -69,9 +69,6 @@ fn orders(args: &GenerateArgs, run: &TrainedRun, source: Option<&Source>) -> Res
     let mut orders = Vec::new();
     for caption in args.all_captions()? {
         let text = run.embed(&caption)?;
-        // As a tokenizer with language sees them next to a caption.
-        let encode = |source: &Source| run.tokenizer.encode(&source.features, Some(&text));
-        let codes = source.map(encode).transpose()?;
         for _ in 0..args.samples {
             let index = orders.len();
             let asked = source.map(Source::n_frames).or(args.n_frames(run.spec.fps));
@@ -79,14 +76,14 @@ fn orders(args: &GenerateArgs, run: &TrainedRun, source: Option<&Source>) -> Res
                 None if run.wants_length() => Some(run.some_length(args.seed, index as u64)?),
                 asked => asked,
             };
-            let (caption, text, codes) = (caption.clone(), text.clone(), codes.clone());
-            orders.push(Order { caption, text, n_frames, codes, index });
+            let (caption, text) = (caption.clone(), text.clone());
+            orders.push(Order { caption, text, n_frames, index });
         }
     }
     Ok(orders)
 }
 
-/// Generates codes, then features, one batch at a time.
+/// Generates codes, then features, one batch at a time; of an edit, the part joined to the rest.
 fn make(
     args: &GenerateArgs,
     run: &TrainedRun,
@@ -100,11 +97,14 @@ fn make(
             n_frames: order.n_frames,
             seed: args.seed,
             index: order.index as u64,
-            edit: (source.zip(order.codes.as_ref()))
-                .map(|(Source { anew, .. }, codes)| Edit { codes, anew }),
+            edit: source.map(Source::edit),
         });
         let prompts: Vec<Prompt> = prompts.collect();
-        made.extend(run.motions(&prompts, &args.sampling(), args.detokenizer_guidance)?);
+        let motions = run.motions(&prompts, &args.sampling(), args.detokenizer_guidance)?;
+        made.extend(motions.into_iter().map(|MadeMotion { sampled, features }| {
+            let joined = source.map(|source| source.joined(&features, run.spec.fps));
+            MadeMotion { sampled, features: joined.unwrap_or(features) }
+        }));
     }
     Ok(made)
 }

@@ -63,12 +63,6 @@ pub enum GeneratorError {
          leave guidance at 0, or train with model.text_drop above 0"
     )]
     Guidance,
-    /// An edit by a model that cannot see later codes.
-    #[error(
-        "an autoregressive generator sees no code that comes later, so it cannot fill a part of a \
-         motion: edit with a scalewise or a masked one"
-    )]
-    Edit,
     /// Weights that do not fit the run.
     #[error(transparent)]
     Weights(#[from] WeightsError),

@@ -143,7 +143,8 @@ pub trait Sampler {
 
 /// A clip to edit: a part is generated again, the rest is kept (MoSa and LG-Tok; MoMask).
 ///
-/// The codes of each scale in the part are drawn, given all kept ones.
+/// A code is drawn, given the kept ones that its generator sees, if all latents that it adds to are generated again: a
+/// coarse code that reaches out of the part is kept.
 #[derive(Clone, Copy, Debug)]
 pub struct Edit<'a> {
     /// The clip's codes, scale after scale.
@@ -159,18 +160,31 @@ impl Edit<'_> {
         self.places(n).into_iter().zip(codes).map(|(anew, &code)| (!anew).then_some(code)).collect()
     }
 
-    /// For each of `n` codes that span the clip, whether it is generated again: the mask is resized linearly, corners not
-    /// aligned, and thresholded at one half (MoSa).
-    fn places(&self, n: usize) -> Vec<bool> {
-        let (len, last) = (self.anew.len(), self.anew.len() - 1);
-        let at = |place: usize| {
-            let x = (place as f64 + 0.5) * len as f64 / n as f64 - 0.5;
-            let below = x.max(0.0).floor() as usize;
-            let share = (x - below as f64).max(0.0);
-            let value = |i: usize| f64::from(u8::from(self.anew[i.min(last)]));
-            (1.0 - share) * value(below) + share * value(below + 1) > 0.5
+    /// The same for all codes of a clip that has so many on its scales.
+    pub fn kept_of_all(&self, lengths: impl Iterator<Item = usize>) -> Vec<Option<u32>> {
+        let mut before = 0;
+        let of_scale = |n: usize| {
+            before += n;
+            self.kept(before - n, n)
         };
-        (0..n).map(at).collect()
+        lengths.flat_map(of_scale).collect()
+    }
+
+    /// For each of `n` codes that span the clip, whether it is generated again. Codes are stretched over the latents
+    /// linearly, corners not aligned, so a latent has a share of two codes at most; a code without a latent, of more
+    /// codes than latents, goes with the latent at its middle.
+    fn places(&self, n: usize) -> Vec<bool> {
+        let n_latents = self.anew.len();
+        let middle = |code: usize| (2 * code + 1) * n_latents / (2 * n);
+        let mut anew: Vec<bool> = (0..n).map(|code| self.anew[middle(code)]).collect();
+        for (latent, &own) in self.anew.iter().enumerate() {
+            let x = ((latent as f64 + 0.5) * n as f64 / n_latents as f64 - 0.5).max(0.0);
+            let first = x as usize;
+            let second = if x.fract() > 0.0 { (first + 1).min(n - 1) } else { first };
+            anew[first] &= own;
+            anew[second] &= own;
+        }
+        anew
     }
 }
 
@@ -319,17 +333,17 @@ mod tests {
         Edit { codes: &[], anew: &anew }.places(n).into_iter().map(u8::from).collect()
     }
 
-    /// As `torch.nn.functional.interpolate(mode="linear") > 0.5`: three of 0 0 1 1 1 1 lie at 0.5,
-    /// 2.5 and 4.5, that is at 0, 1 and 1.
     #[test]
-    fn masks_are_resized_linearly() {
-        assert_eq!(places(&[0, 0, 1, 1, 1, 1], 3), [0, 1, 1]);
+    fn a_code_that_adds_to_a_latent_outside_of_the_part_is_kept() {
         assert_eq!(places(&[0, 1, 1, 0], 4), [0, 1, 1, 0]);
-        // Two lie at 0.5 and 2.5, between a latent that stays and one that is made anew: at one half.
         assert_eq!(places(&[0, 1, 1, 0], 2), [0, 0]);
-        assert_eq!(places(&[0, 1, 1, 1, 0], 1), [1]);
-        // Six lie at 0, 0.25, 0.75, 1.25, 1.75 and 2 of three.
-        assert_eq!(places(&[0, 1, 0], 6), [0, 0, 1, 1, 0, 0]);
+        assert_eq!(places(&[0, 1, 1, 1, 0], 1), [0]);
+        // Of three codes for six latents the second adds to the latents 1 to 4, the last to 3 to 5.
+        assert_eq!(places(&[0, 0, 0, 1, 1, 1], 3), [0, 0, 1]);
+        assert_eq!(places(&[0, 0, 1, 1, 1, 1], 3), [0, 0, 1]);
+        assert_eq!(places(&[0, 1, 1, 1, 1, 0], 3), [0, 1, 0]);
+        // Of nine codes for three latents each latent has one, and the codes beside it go with it.
+        assert_eq!(places(&[0, 1, 0], 9), [0, 0, 0, 1, 1, 1, 0, 0, 0]);
         assert_eq!(places(&[1, 1], 5), [1; 5]);
         assert_eq!(places(&[0, 0], 5), [0; 5]);
     }

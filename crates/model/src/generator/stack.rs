@@ -258,13 +258,10 @@ impl<'a> Growing<'a> {
     }
 
     /// The output of the blocks for m new positions of each sequence, `[b·m, d]`, given their angles, `[b·m]`; each sees
-    /// all earlier and all new positions, but no text if it is `blind`, `[b·m]` or empty.
-    pub fn join(&mut self, x_nd: Tensor<2>, angles: &[usize], blind: &[bool]) -> Tensor<2> {
+    /// all earlier and all new positions.
+    pub fn join(&mut self, x_nd: Tensor<2>, angles: &[usize]) -> Tensor<2> {
         self.joined += angles.len() / self.prefixes.len();
-        let joining = self.joining(angles);
-        let sees_all = !blind.contains(&true);
-        let p = self.longest_text();
-        self.pass(x_nd, if sees_all { joining } else { joining.hiding(p, blind) })
+        self.pass(x_nd, self.joining(angles))
     }
 
     fn pass(&mut self, x_nd: Tensor<2>, joining: Joining) -> Tensor<2> {

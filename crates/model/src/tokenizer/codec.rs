@@ -89,22 +89,17 @@ impl Tokenizer {
         caption: Option<&[f32]>,
     ) -> Result<Vec<u32>, TokenizerError> {
         let captions = self.captions(caption)?;
+        Ok(self.encode_with(features, captions.as_ref()))
+    }
+
+    /// The same with captions at hand.
+    pub(super) fn encode_with(&self, features: &[f32], captions: Option<&Captions>) -> Vec<u32> {
         let latent = self.spec.frames_per_latent() * self.stats.mean.len();
         let n_latents = features.len() / latent;
         if n_latents == 0 {
-            return Ok(Vec::new());
+            return Vec::new();
         }
-        Ok(self.encode_stack(features[..n_latents * latent].to_vec(), 1, captions.as_ref()))
-    }
-
-    /// The caption of one clip, if the tokenizer has language.
-    fn captions(&self, caption: Option<&[f32]>) -> Result<Option<Captions>, TokenizerError> {
-        let Some(language) = self.spec.architecture.language() else { return Ok(None) };
-        let (caption, wanted) = (caption.ok_or(TokenizerError::NoText)?, language.dim);
-        if caption.is_empty() || !caption.len().is_multiple_of(wanted) {
-            return Err(TokenizerError::TextWidth { found: caption.len(), wanted });
-        }
-        Ok(Some(Captions::of([caption], wanted)))
+        self.encode_stack(features[..n_latents * latent].to_vec(), 1, captions)
     }
 
     /// Raw features of the codes of one clip of `n_frames` frames, row-major `[n_frames, n_features]`,
@@ -123,7 +118,17 @@ impl Tokenizer {
         caption: Option<&[f32]>,
         guidance: f64,
     ) -> Result<Vec<f32>, TokenizerError> {
-        let captions = self.captions(caption)?;
+        self.decode_with(ids, n_frames, self.captions(caption)?.as_ref(), guidance)
+    }
+
+    /// The same with captions at hand.
+    pub(super) fn decode_with(
+        &self,
+        ids: &[u32],
+        n_frames: usize,
+        captions: Option<&Captions>,
+        guidance: f64,
+    ) -> Result<Vec<f32>, TokenizerError> {
         let n_latents = self.n_latents(n_frames);
         // A clip without a whole latent has no codes.
         let wanted = if n_latents == 0 { 0 } else { self.spec.grid().n_codes(n_frames) };
@@ -141,7 +146,7 @@ impl Tokenizer {
             return Err(TokenizerError::UnknownCode { id, n_vocab });
         }
         let extent = Extent { n_clips: 1, n_latents };
-        Ok(self.decode_stack(ids, extent, captions.as_ref(), guidance))
+        Ok(self.decode_stack(ids, extent, captions, guidance))
     }
 
     /// The quantizer, for a generator that makes codes scale after scale.
@@ -223,10 +228,9 @@ mod tests {
 
     use crate::motion::N_FEATURES;
     use crate::spec::{
-        CodebookKind, LanguagePlace, QuantizerKind, QuantizerSection, QuantizerSpec,
-        Representation, ScaleSpec,
+        CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec, Representation, ScaleSpec,
     };
-    use crate::tokenizer::testing::{D_TEXT, Waves, patch_spec, small_spec, transformer_spec};
+    use crate::tokenizer::testing::{Waves, patch_spec, small_spec, transformer_spec};
     use crate::tokenizer::{Corpus, train};
 
     fn untrained(kind: QuantizerSpec) -> Tokenizer {
@@ -306,62 +310,6 @@ mod tests {
         assert!(tokenizer.decode(&[7, 23, 23], 20, None, 0.0).is_ok());
         let error = tokenizer.decode(&[8, 23, 23], 20, None, 0.0).unwrap_err().to_string();
         assert!(error.contains("8 is no code") && error.contains("8 codes"), "{error}");
-    }
-
-    /// A transformer that sees captions at both halves.
-    fn with_language() -> Tokenizer {
-        let (device, mut rng) = (Device::flex(), ChaCha8Rng::seed_from_u64(3));
-        let places = [LanguagePlace::Tokenizer, LanguagePlace::Detokenizer];
-        let spec = transformer_spec(&places, QuantizerSpec::Fsq { levels: vec![5, 5, 5] }, 1);
-        let stats = Waves::new(&[8], N_FEATURES).metadata.stats;
-        let module = TokenizerModule::new(&spec, N_FEATURES, &mut rng, &device);
-        Tokenizer::new(module, spec, stats, 29.97, device)
-    }
-
-    fn caption() -> Vec<f32> {
-        (0..3 * D_TEXT).map(|i| (i as f32 * 0.9).sin()).collect()
-    }
-
-    #[test]
-    fn a_saved_tokenizer_with_language_loads_with_the_same_codes_and_features() {
-        let folder = tempfile::tempdir().unwrap();
-        let tokenizer = with_language();
-        tokenizer.save(folder.path()).unwrap();
-        let loaded = Tokenizer::load(folder.path(), &Device::flex()).unwrap();
-        let (features, caption) = (Waves::new(&[40], N_FEATURES).clip(0, 0), caption());
-        let ids = tokenizer.encode(&features, Some(&caption)).unwrap();
-        assert_eq!(loaded.encode(&features, Some(&caption)).unwrap(), ids);
-        let decoded =
-            |tokenizer: &Tokenizer| tokenizer.decode(&ids, 40, Some(&caption), 1.5).unwrap();
-        assert_eq!(decoded(&loaded), decoded(&tokenizer));
-    }
-
-    #[test]
-    fn a_tokenizer_with_language_wants_a_caption() {
-        let (tokenizer, features) = (with_language(), Waves::new(&[8], N_FEATURES).clip(0, 0));
-        let error = tokenizer.encode(&features, None).unwrap_err().to_string();
-        assert!(error.contains("was given none"), "{error}");
-        assert!(tokenizer.decode(&[0, 1], 8, None, 0.0).is_err());
-        let error = tokenizer.encode(&features, Some(&[0.5; 7])).unwrap_err().to_string();
-        assert!(error.contains("vectors of 6 numbers"), "{error}");
-    }
-
-    #[test]
-    fn guidance_goes_on_from_what_is_made_without_the_caption_to_what_is_made_with_it() {
-        let (tokenizer, caption, ids) = (with_language(), caption(), [3, 9, 120]);
-        let guided = |g: f64| tokenizer.decode(&ids, 12, Some(&caption), g).unwrap();
-        let made = |captions: &Captions| {
-            let extent = Extent { n_clips: 1, n_latents: 3 };
-            tokenizer.decode_stack(&ids, extent, Some(captions), 0.0)
-        };
-        let with = made(&Captions::of([&caption[..]], D_TEXT));
-        let without = made(&Captions::none(1));
-        assert_eq!(guided(0.0), with);
-        let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4);
-        assert!(close(&guided(-1.0), &without) && !close(&with, &without));
-        let expected: Vec<f32> =
-            with.iter().zip(&without).map(|(c, u)| 3.0 * c - 2.0 * u).collect();
-        assert!(close(&guided(2.0), &expected));
     }
 
     #[test]

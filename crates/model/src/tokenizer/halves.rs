@@ -88,6 +88,8 @@ pub struct Captions {
     vectors: Vec<f32>,
     /// Words of each clip's caption.
     words: Vec<usize>,
+    /// For each latent of a clip, whether its frames read the caption in decoding; empty if all do.
+    read_by: Vec<bool>,
 }
 
 impl Captions {
@@ -103,7 +105,18 @@ impl Captions {
 
     /// As many clips, none of which has a caption.
     pub fn none(n_clips: usize) -> Self {
-        Self { vectors: Vec::new(), words: vec![0; n_clips] }
+        Self { words: vec![0; n_clips], ..Self::default() }
+    }
+
+    /// The same, read in decoding by the frames of these latents of each clip alone (LG-Tok Eq. 7).
+    #[must_use]
+    pub fn read_by(self, latents: &[bool]) -> Self {
+        Self { read_by: latents.to_vec(), ..self }
+    }
+
+    /// Whether the frames of a latent read the caption.
+    pub fn is_read_by(&self, latent: usize) -> bool {
+        self.read_by.get(latent).is_none_or(|reads| *reads)
     }
 
     /// Words of each clip's caption.

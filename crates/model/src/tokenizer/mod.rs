@@ -24,6 +24,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod captioned;
 mod code_map;
 mod codec;
 mod convolutional;

@@ -21,6 +21,7 @@
 pub mod bvh;
 mod features;
 pub(crate) mod geometry;
+mod join;
 mod mirror;
 mod recover;
 pub mod retarget;
@@ -37,6 +38,7 @@ pub use features::{
     features_of_canonical_at, is_canonical,
 };
 pub use geometry::{NO_ROTATION, Quat, Yaw, between, conjugate, multiply, rotate, to_6d};
+pub use join::{join_weights, joined};
 pub use mirror::{mirror_caption, mirror_features};
 pub use recover::{complete_features, feature_width, recover_body, recover_joints};
 pub use skeleton::{

@@ -144,6 +144,8 @@ struct AutoregressiveSampler {
 struct Growing<'a> {
     form: StreamForm<'a>,
     rng: ChaCha8Rng,
+    /// The codes to come of a motion that is edited, each if it is kept.
+    kept: std::vec::IntoIter<Option<u32>>,
 }
 
 impl AutoregressiveSampler {
@@ -158,7 +160,10 @@ impl AutoregressiveSampler {
     fn begin(&self, prompt: &Prompt) -> Growing<'_> {
         let shape = self.model.shape();
         let room = shape.n_ctx.saturating_sub(prompt.text.len() / shape.d_text);
-        Growing { form: StreamForm::new(&self.grid, prompt.n_frames, room), rng: prompt.rng() }
+        let lengths = prompt.n_frames.into_iter().flat_map(|frames| self.grid.lengths(frames));
+        let kept = prompt.edit.map_or_else(Vec::new, |edit| edit.kept_of_all(lengths));
+        let form = StreamForm::new(&self.grid, prompt.n_frames, room);
+        Growing { form, rng: prompt.rng(), kept: kept.into_iter() }
     }
 }
 
@@ -179,9 +184,6 @@ impl Sampler for AutoregressiveSampler {
         sampling: &Sampling,
     ) -> Result<Vec<Sampled>, GeneratorError> {
         sampling.check_guidance(0.0)?;
-        if prompts.iter().any(|prompt| prompt.edit.is_some()) {
-            return Err(GeneratorError::Edit);
-        }
         prompts.iter().try_for_each(|prompt| self.check(prompt))?;
         let mut growing: Vec<Growing> = prompts.iter().map(|prompt| self.begin(prompt)).collect();
         let texts: Vec<&[f32]> = prompts.iter().map(|prompt| prompt.text).collect();
@@ -194,11 +196,14 @@ impl Sampler for AutoregressiveSampler {
     }
 }
 
-/// A code joins each motion that is not whole, by its row of `[b, V + 1]`; whether any is still to grow.
+/// A code joins each motion that is not whole, kept or drawn by its row of `[b, V + 1]`; whether any is still to grow.
 fn grow_by_one(growing: &mut [Growing], logits: Tensor<2>, draw: &Draw) -> bool {
     for (motion, row) in growing.iter_mut().zip(rows(logits)) {
         if let Choices::Ids(allowed) = motion.form.choices() {
-            motion.form.push(draw.code(&row, &allowed, &mut motion.rng));
+            // The codes of a motion of known length, as an edited one is, are of one scale at a time.
+            let kept = motion.kept.next().flatten().map(|code| allowed[0].start + code as usize);
+            let drawn = || draw.code(&row, &allowed, &mut motion.rng);
+            motion.form.push(kept.unwrap_or_else(drawn));
         }
     }
     growing.iter().any(|motion| matches!(motion.form.choices(), Choices::Ids(_)))

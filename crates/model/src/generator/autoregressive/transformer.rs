@@ -270,7 +270,7 @@ impl<'a> Decoder<'a> {
         let angle = |prefix: &usize| (prefix + self.n_codes).min(last);
         let angles: Vec<usize> = self.growing.prefixes().iter().map(angle).collect();
         self.n_codes += 1;
-        let x_bd = self.growing.join(self.model.embed_codes(codes), &angles, &[]);
+        let x_bd = self.growing.join(self.model.embed_codes(codes), &angles);
         self.model.head_logits(x_bd)
     }
 }

@@ -223,10 +223,7 @@ impl ScalewiseSampler {
             let angles: Vec<usize> = angles.collect();
             let kept = motions.iter().flat_map(|motion| motion.kept(motion.codes.len(), n));
             let kept: Vec<Option<u32>> = kept.collect();
-            // Codes that stay read no text, which is about the codes that are made anew. (LG-Tok's Eq. 7 hides
-            // the text in the detokenizer, from frames outside the edit.)
-            let blind: Vec<bool> = kept.iter().map(Option::is_some).collect();
-            let x_nd = growing.join(x_nd, &angles, &blind.repeat(each));
+            let x_nd = growing.join(x_nd, &angles);
             let mut logits = rows(self.model.logits(scale, x_nd));
             let without = logits.split_off(kept.len());
             // The ramp of MoSa and LG-Tok: none at the first scale, all of it at the last.

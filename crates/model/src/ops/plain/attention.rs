@@ -235,17 +235,6 @@ impl Joining {
         Self { n_head, turns: rope.turns(b, positions, device), hidden }
     }
 
-    /// Hides the first `n` positions of every sequence from some new ones, `[b, m]` row-major.
-    pub fn hiding(self, n: usize, from: &[bool]) -> Self {
-        let [b, .., t] = self.hidden.dims();
-        let m = from.len() / b;
-        let hide =
-            from.iter().flat_map(|&is_hidden| (0..t).map(move |place| is_hidden && place < n));
-        let data = TensorData::new(hide.collect::<Vec<bool>>(), [b, 1, m, t]);
-        let hide = Tensor::from_data(data, &self.hidden.device());
-        Self { hidden: self.hidden.expand([b, 1, m, t]).bool_or(hide), ..self }
-    }
-
     /// The attention half of a block for the rows of the positions that join, sequence after
     /// sequence: y = x + Attention(RMSNorm(x) W_qkv) W_output, `[n, d]`. Outside autodiff.
     pub fn attention(
@@ -275,48 +264,5 @@ impl Joining {
         let d = columns / 3;
         let part_nd = qkv_n3d.clone().slice([0..n, part * d..(part + 1) * d]);
         part_nd.reshape([b, m, self.n_head, d / self.n_head]).swap_dims(1, 2)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Two positions that join two others: the values of the first two are `before`; the first that
-    /// joins sees nothing of them.
-    fn joined(before: [f32; 2]) -> Vec<f32> {
-        let device = Device::flex();
-        let rope = Rope::new(4, 2, 10_000.0);
-        let matrix = |values: &[f32], shape| {
-            Tensor::<2>::from_data(TensorData::new(values.to_vec(), shape), &device)
-        };
-        let weights = || AttentionWeights {
-            gamma_d: Tensor::ones([2], &device),
-            qkv_d3d: matrix(
-                &[0.3, 1.0, -0.4, 0.6, 0.9, 0.1, 0.7, -0.2, 0.5, 1.1, -0.8, 0.4],
-                [2, 6],
-            ),
-            output_dd: matrix(&[1.0, 0.5, -0.5, 1.0], [2, 2]),
-        };
-        let mut kept = KeyValues::default();
-        let first = Joining::new(&rope, 1, 1, &[0, 1], &[false; 2], &device);
-        first.attention(
-            matrix(&[before[0], 1.0, before[1], -1.0], [2, 2]),
-            weights(),
-            &mut kept,
-            1e-5,
-        );
-        let second = Joining::new(&rope, 1, 1, &[2, 3], &[false; 4], &device);
-        let second = second.hiding(2, &[true, false]);
-        let x_nd = matrix(&[0.2, 0.9, -1.3, 0.4], [2, 2]);
-        let y_nd = second.attention(x_nd, weights(), &mut kept, 1e-5);
-        y_nd.into_data().try_into_vec().expect("f32")
-    }
-
-    #[test]
-    fn what_is_hidden_from_a_position_does_not_reach_it() {
-        let (a, b) = (joined([0.5, -0.7]), joined([-2.0, 1.4]));
-        assert_eq!(a[..2], b[..2]);
-        assert!(a[2] != b[2] && a[3] != b[3], "{a:?} {b:?}");
     }
 }

@@ -14,7 +14,10 @@
 
 mod layers;
 mod packing;
+#[cfg(test)]
+mod tests;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use burn::module::{Module, Param};
@@ -155,28 +158,32 @@ impl TransformerDecoder {
         }
     }
 
-    /// The frames of clips that are seen at once: `[b, t, c]` to `[b, f, features]`.
-    fn piece(&self, latents_btc: Tensor<3>, pass: &mut Pass) -> Tensor<3> {
+    /// The frames of clips that are seen at once, from latent `from` on: `[b, t, c]` to `[b, f, features]`.
+    fn piece(&self, latents_btc: Tensor<3>, from: usize, pass: &mut Pass) -> Tensor<3> {
         let [b, t, _] = latents_btc.dims();
         let (f, n_head) = (t * self.places.frames, self.places.heads);
         let latents_nd = self.latents(latents_btc);
         let queries_nd = self.queries(b, f);
-        let (words, text_nd) = self.words(b, pass);
         let rows_nd = match self.kind {
             Detokenizer::Cross => {
                 let packing = Packing::new([0, f], &vec![0; b], &self.places);
-                let memory = |rows_md, counts: &[usize], ropes| {
-                    let layout = Arc::new(CrossLayout::new(&vec![f; b], counts));
+                let memory = |rows_md, queries: &[usize], counts: &[usize], ropes| {
+                    let layout = Arc::new(CrossLayout::new(queries, counts));
                     Memory { rows_md, options: CrossOptions { n_head, layout, ropes } }
                 };
+                let groups = self.groups(from..from + t, pass);
+                let (words, text_nd) = self.words(b, &groups, pass);
+                let readers = groups.iter().map(|group| group.frames).collect::<Vec<_>>().repeat(b);
+                let ropes = self.ropes(t, f);
                 let seen = Seen {
                     options: packing.options.clone(),
-                    latents: Some(memory(latents_nd, &vec![t; b], self.ropes(t, f))),
-                    text: text_nd.map(|text_md| memory(text_md, &words, None)),
+                    latents: Some(memory(latents_nd, &vec![f; b], &vec![t; b], ropes)),
+                    text: text_nd.map(|text_md| memory(text_md, &readers, &words, None)),
                 };
                 self.layers.forward(queries_nd, &seen, pass)
             }
             Detokenizer::Context => {
+                let (words, text_nd) = self.words(b, &[Group { frames: f, reads: true }], pass);
                 let packing = Packing::new([t, f], &words, &self.places);
                 let rows = [latents_nd, queries_nd].into_iter().chain(text_nd).collect();
                 let seen = Seen { options: packing.options.clone(), latents: None, text: None };
@@ -216,25 +223,42 @@ impl TransformerDecoder {
         self.latent_positions.is_none().then(ropes)
     }
 
-    /// The number of words of each clip, and all of them as rows `[words, d]`; a dropped caption is replaced by the mask's
-    /// vector.
-    fn words(&self, b: usize, pass: &Pass) -> (Vec<usize>, Option<Tensor<2>>) {
+    /// The frames of each clip in groups that read alike.
+    fn groups(&self, latents: Range<usize>, pass: &Pass) -> Vec<Group> {
+        let is_read_by = |latent| pass.captions.is_none_or(|captions| captions.is_read_by(latent));
+        let read_by: Vec<bool> = latents.map(is_read_by).collect();
+        let runs = read_by.chunk_by(|a, b| a == b);
+        runs.map(|run| Group { frames: run.len() * self.places.frames, reads: run[0] }).collect()
+    }
+
+    /// The number of words that each group of each clip reads, and all of them as rows `[words, d]`; the mask's vector is
+    /// in the place of a dropped caption, and of a caption that is not read.
+    fn words(&self, b: usize, groups: &[Group], pass: &Pass) -> (Vec<usize>, Option<Tensor<2>>) {
         let Some((text, captions)) = self.text.as_ref().zip(pass.captions) else {
-            return (vec![0; b], None);
+            return (vec![0; b * groups.len()], None);
         };
         let device = text.device();
         let vectors = captions.tensor(&device).map(|vectors| text.forward(vectors));
         let n_words: usize = captions.words().iter().sum();
-        let mut next = 0..;
-        let of_clip = |&words: &usize| match words {
-            0 => vec![n_words as u32],
-            words => next.by_ref().take(words).collect(),
-        };
-        let rows: Vec<u32> = captions.words().iter().flat_map(of_clip).collect();
+        let (mut counts, mut rows, mut first) = (Vec::new(), Vec::new(), 0);
+        for &words in captions.words() {
+            for group in groups {
+                let is_read = group.reads && words > 0;
+                let own = if is_read { first..first + words } else { n_words..n_words + 1 };
+                counts.push(own.len());
+                rows.extend(own.map(|row| row as u32));
+            }
+            first += words;
+        }
         let all = Tensor::cat(vectors.into_iter().chain([self.mask.val()]).collect(), 0);
-        let rows_nd = Kernels::for_device(&device).select_rows(all, &rows.into());
-        (captions.words().iter().map(|&words| words.max(1)).collect(), Some(rows_nd))
+        (counts, Some(Kernels::for_device(&device).select_rows(all, &rows.into())))
     }
+}
+
+/// Neighbouring frames of a clip, and whether they read its caption.
+struct Group {
+    frames: usize,
+    reads: bool,
 }
 
 #[cfg(test)]
@@ -248,143 +272,10 @@ impl TransformerDecoder {
 
 impl Decode for TransformerDecoder {
     fn forward(&self, latents_btc: Tensor<3>, pass: &mut Pass) -> Tensor<3> {
-        by_pieces(latents_btc, self.places.latents, 1, |part_btc| self.piece(part_btc, pass))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use rand_chacha::rand_core::SeedableRng;
-
-    use crate::learn::params::normal;
-    use crate::spec::{ArchitectureSpec, LanguagePlace, QuantizerSpec};
-    use crate::tokenizer::halves::{Captions, host};
-    use crate::tokenizer::module::{AnyDecoder, AnyEncoder};
-    use crate::tokenizer::testing::{D_TEXT, transformer_spec};
-
-    const BOTH: [LanguagePlace; 2] = [LanguagePlace::Tokenizer, LanguagePlace::Detokenizer];
-    const N_FEATURES: usize = 70;
-
-    fn sizes(at: &[LanguagePlace]) -> TransformerSpec {
-        let quantizer = QuantizerSpec::Fsq { levels: vec![5, 3] };
-        match transformer_spec(at, quantizer, 1).architecture {
-            ArchitectureSpec::Transformer(sizes) => sizes,
-            _ => unreachable!("the spec of a transformer"),
-        }
-    }
-
-    fn halves_of(sizes: TransformerSpec, n_features: usize) -> (AnyEncoder, AnyDecoder) {
-        let mut rng = ChaCha8Rng::seed_from_u64(4);
-        let (device, spec) = (Device::flex(), ArchitectureSpec::Transformer(sizes));
-        let encoder = AnyEncoder::new(&spec, n_features, &mut rng, &device);
-        (encoder, AnyDecoder::new(&spec, n_features, &mut rng, &device))
-    }
-
-    fn halves(sizes: TransformerSpec) -> (AnyEncoder, AnyDecoder) {
-        halves_of(sizes, N_FEATURES)
-    }
-
-    fn random(shape: [usize; 3], seed: u64) -> Tensor<3> {
-        normal(shape, 1.0, &mut ChaCha8Rng::seed_from_u64(seed), &Device::flex()).val()
-    }
-
-    /// Captions of so many words each.
-    fn captions(words: &[usize], seed: u64) -> Captions {
-        let of = |(i, &n): (usize, &usize)| {
-            host(random([1, n.max(1), D_TEXT], seed + i as u64))[..n * D_TEXT].to_vec()
-        };
-        let all: Vec<Vec<f32>> = words.iter().enumerate().map(of).collect();
-        Captions::of(all.iter().map(Vec::as_slice), D_TEXT)
-    }
-
-    fn encoded(encoder: &AnyEncoder, clips: &Tensor<3>, captions: &Captions) -> Vec<Vec<f32>> {
-        let latents = encoder.forward(clips.clone(), &mut Pass::reading(Some(captions)));
-        let size = latents.dims()[1] * latents.dims()[2];
-        host(latents).chunks(size).map(<[f32]>::to_vec).collect()
-    }
-
-    #[test]
-    fn clips_of_any_length_become_a_latent_for_four_frames_and_come_back() {
-        for positions in [Positions::Learned, Positions::Rotary] {
-            for detokenizer in [Detokenizer::Cross, Detokenizer::Context] {
-                let (encoder, decoder) =
-                    halves(TransformerSpec { positions, detokenizer, ..sizes(&[]) });
-                for latents in [1, 3, 4, 5, 11] {
-                    let clips = random([2, 4 * latents, N_FEATURES], 1);
-                    let made = encoder.forward(clips, &mut Pass::default());
-                    assert_eq!(made.dims(), [2, latents, 4]);
-                    let frames = decoder.forward(made, &mut Pass::default());
-                    assert_eq!(frames.dims(), [2, 4 * latents, N_FEATURES]);
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_dropped_caption_cannot_influence_latents() {
-        let (encoder, _) = halves(sizes(&BOTH));
-        let clips = random([2, 12, N_FEATURES], 2);
-        let with = encoded(&encoder, &clips, &captions(&[3, 5], 7));
-        let dropped = encoded(&encoder, &clips, &captions(&[3, 0], 7));
-        let others = encoded(&encoder, &clips, &captions(&[2, 0], 30));
-        let none = encoded(&encoder, &clips, &Captions::none(2));
-        assert_eq!(with[0], dropped[0], "a clip sees its own caption alone");
-        assert_ne!(with[1], dropped[1], "a caption is seen");
-        assert_eq!((&dropped[1], &others[1]), (&none[1], &none[1]));
-        // What takes the caption's place is the detokenizer's alone.
-        let (other, _) = halves(sizes(&BOTH[..1]));
-        assert_eq!(encoded(&other, &clips, &captions(&[3, 0], 7)), dropped);
-    }
-
-    #[test]
-    fn the_detokenizer_sees_a_caption_and_that_it_is_missing() {
-        for detokenizer in [Detokenizer::Cross, Detokenizer::Context] {
-            let (_, decoder) = halves(TransformerSpec { detokenizer, ..sizes(&BOTH) });
-            let latents = random([2, 3, 4], 3);
-            let made = |captions: &Captions| {
-                host(decoder.forward(latents.clone(), &mut Pass::reading(Some(captions))))
-            };
-            let size = 12 * N_FEATURES;
-            let with = made(&captions(&[3, 5], 7));
-            let dropped = made(&captions(&[3, 0], 7));
-            let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
-            assert!(close(&with[..size], &dropped[..size]));
-            assert!(!close(&with[size..], &dropped[size..]));
-            let AnyDecoder::Transformer(mut moved) = decoder.clone() else { unreachable!() };
-            moved.shift_mask();
-            let pass = &mut Pass::reading(None);
-            let without = captions(&[0, 0], 7);
-            pass.captions = Some(&without);
-            let before = made(&without);
-            let after = host(AnyDecoder::Transformer(moved).forward(latents.clone(), pass));
-            assert!(!close(&after, &before));
-        }
-    }
-
-    #[test]
-    fn dropout_follows_from_its_stream() {
-        let (encoder, _) = halves(sizes(&[]));
-        let clips = random([1, 8, N_FEATURES], 2);
-        let made = |seed: Option<u64>| {
-            let noise = seed.map(ChaCha8Rng::seed_from_u64);
-            host(encoder.forward(clips.clone(), &mut Pass { captions: None, noise }))
-        };
-        assert_eq!(made(Some(1)), made(Some(1)));
-        assert_ne!(made(Some(1)), made(Some(2)));
-        assert_ne!(made(Some(1)), made(None));
-    }
-
-    #[test]
-    fn at_the_sizes_of_the_paper_the_halves_have_about_its_parameters() {
-        let mut sizes = sizes(&BOTH);
-        (sizes.width, sizes.layers, sizes.heads, sizes.latent, sizes.span) = (256, 9, 4, 512, 196);
-        sizes.language.as_mut().unwrap().dim = 2048;
-        let text = (2048 + 1) * 256;
-        let (encoder, decoder) = halves_of(sizes, 67);
-        let [encoder, decoder] = [encoder.num_params() - text, decoder.num_params() - text];
-        // 10.4 and 15.2 million, to which the latents' learned positions add 49 x 256.
-        assert!((10_350_000..10_450_000).contains(&encoder), "{encoder}");
-        assert!((15_150_000..15_265_000).contains(&decoder), "{decoder}");
+        let mut from = 0;
+        by_pieces(latents_btc, self.places.latents, 1, |part_btc| {
+            let to = from + part_btc.dims()[1];
+            self.piece(part_btc, std::mem::replace(&mut from, to), pass)
+        })
     }
 }
