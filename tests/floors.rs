@@ -1,7 +1,5 @@
 //! The floors of the libraries, as the table in each `lib.rs` has them, held by every import.
 
-#[path = "floors/allowed.rs"]
-mod allowed;
 #[path = "floors/circles.rs"]
 mod circles;
 #[path = "floors/imports.rs"]
@@ -15,9 +13,8 @@ mod tree;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use allowed::ALLOWED;
 use circles::circles;
 use tree::{Edge, Tree};
 
@@ -159,45 +156,18 @@ fn no_modules_of_a_library_need_one_another(library: &str) {
 }
 
 #[test]
-fn no_files_need_one_another_but_those_that_are_named_with_a_reason() {
+fn no_files_need_one_another() {
     let mut problems = Vec::new();
-    let mut met = BTreeSet::new();
     for root in LIBRARIES.into_iter().chain([PROGRAM]) {
         let tree = Tree::read(root);
         let edges = tree.edges();
         for circle in circles(edges.iter().map(|edge| (edge.from, edge.to))) {
-            let files: BTreeSet<&Path> =
-                circle.iter().map(|&file| tree.files[file].path.as_path()).collect();
-            let allowed = ALLOWED.iter().position(|(names, _)| {
-                files == names.iter().map(Path::new).collect::<BTreeSet<_>>()
-            });
-            met.extend(allowed);
-            if allowed.is_none() || !lie_together(&files) {
-                let within =
-                    |edge: &&Edge| circle.contains(&edge.from) && circle.contains(&edge.to);
-                let shown = tree.shown(edges.iter().filter(within));
-                problems.push(format!("{} files:\n{}\n", files.len(), shown.join("\n")));
-            }
+            let within = |edge: &&Edge| circle.contains(&edge.from) && circle.contains(&edge.to);
+            let shown = tree.shown(edges.iter().filter(within));
+            problems.push(format!("{} files:\n{}\n", circle.len(), shown.join("\n")));
         }
     }
-    let gone = ALLOWED.iter().enumerate().filter(|(index, _)| !met.contains(index));
-    problems.extend(
-        gone.map(|(_, (files, _))| format!("ALLOWED has a circle that is gone: {files:?}")),
-    );
     fail_for(&problems, "files that need one another");
-}
-
-/// Whether files lie in one folder with its subfolders, or are a file and the folder of its name.
-fn lie_together(files: &BTreeSet<&Path>) -> bool {
-    let folders = files.iter().flat_map(|file| {
-        let own = file.with_extension("");
-        let around = file.ancestors().skip(1).map(Path::to_path_buf);
-        around.chain([own]).filter(|folder| folder.components().count() > 1)
-    });
-    let within = |file: &Path, folder: &PathBuf| {
-        file.starts_with(folder) || file.with_extension("") == *folder
-    };
-    folders.collect::<BTreeSet<_>>().iter().any(|folder| files.iter().all(|f| within(f, folder)))
 }
 
 #[test]
@@ -257,14 +227,4 @@ fn every_form_of_an_import_is_read() {
 fn a_circle_is_found_and_its_neighbours_are_not_part_of_it() {
     let edges = [(1, 2), (2, 3), (3, 1), (3, 4), (4, 5), (6, 1), (7, 8), (8, 7)];
     assert_eq!(circles(edges), [BTreeSet::from([1, 2, 3]), BTreeSet::from([7, 8])]);
-}
-
-#[test]
-fn files_lie_together_in_one_folder_or_beside_it() {
-    let together = |files: &[&str]| lie_together(&files.iter().map(Path::new).collect());
-    assert!(together(&["src/a/b.rs", "src/a/c.rs"]));
-    assert!(together(&["src/a/b.rs", "src/a/c/d.rs"]));
-    assert!(together(&["src/a.rs", "src/a/b.rs"]));
-    assert!(!together(&["src/a.rs", "src/b.rs"]));
-    assert!(!together(&["src/a/b.rs", "src/c/d.rs"]));
 }

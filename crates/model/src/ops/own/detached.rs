@@ -7,10 +7,11 @@ use burn_flex::FlexTensor;
 
 use super::HeadLoss;
 use super::buffers::{Buffer, contiguous, dims, elements, elements_mut, recycle, tensor};
-use super::lanes::{LANES, Lanes, vectorised};
+use super::lanes::{LANES, Lanes};
 use super::matmul::{Target, multiply};
 use super::panels::{Panels, View};
 use super::rows::dot;
+use super::vectors::vectorised;
 use crate::ops::HeadWeights;
 
 /// Cross-entropy of each row, in nats; see [`Kernels::head_nll`](crate::ops::Kernels::head_nll).

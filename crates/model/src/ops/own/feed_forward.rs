@@ -6,10 +6,11 @@
 use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, chunks, dims, elements, elements_mut, part, part_mut, recycle};
-use super::lanes::{LANES, Lanes, vectorised};
+use super::lanes::{LANES, Lanes};
 use super::matmul::{Target, add_transposed, multiply, transposed};
 use super::panels::{Panels, View};
 use super::rows::{exp, rms_norm, rms_norm_again, rms_norm_back, sigmoid};
+use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};
 use crate::ops::Activation;
 

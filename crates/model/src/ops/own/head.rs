@@ -11,10 +11,11 @@ use std::sync::Arc;
 use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, chunks, contiguous, elements, part, part_mut, tensor};
-use super::lanes::{LANES, Lanes, vectorised};
+use super::lanes::{LANES, Lanes};
 use super::matmul::{Target, add_transposed, multiply_part};
 use super::panels::{Panels, View};
 use super::rows::{exp, max, rms_norm, rms_norm_back, sum_of_exp};
+use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};
 
 /// The head's loss, of x, γ and W; keeps the gradients, which are made on the way forward. See

@@ -8,8 +8,9 @@
 use std::ops::Range;
 
 use super::buffers::Buffer;
-use super::lanes::{LANES, Lanes, Tile, vectorised};
+use super::lanes::{LANES, Lanes, Tile};
 use super::panels::{PANEL, Panels, Part, View};
+use super::vectors::vectorised;
 
 /// Inner elements between two visits of the result: a panel of as many stays in the first cache.
 const DEPTH: usize = 256;

@@ -26,6 +26,7 @@ mod matmul;
 mod panels;
 mod rows;
 mod small_matrices;
+mod vectors;
 #[cfg(target_arch = "x86_64")]
 pub(super) mod x86;
 
@@ -45,8 +46,8 @@ use buffers::{contiguous, recycle};
 pub use detached::{AdamWStep, adamw, head_nll, nearest, sum_of_squares};
 pub use feed_forward::{FeedForward, SwiGlu};
 pub use head::HeadLoss;
-pub use lanes::vectors;
 pub use rows::{RmsNorm, SelectRows};
+pub use vectors::vectors;
 
 /// An operation on `N` contiguous tensors, with its options.
 pub trait Operation<const N: usize>: Clone + Debug + Send + 'static {

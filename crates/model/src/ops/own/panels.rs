@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use super::buffers::Buffer;
-use super::lanes::{LANES, vectorised};
+use super::lanes::LANES;
+use super::vectors::vectorised;
 
 /// Columns of a panel.
 pub const PANEL: usize = 2 * LANES;

@@ -7,7 +7,8 @@ use std::sync::Arc;
 use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, dims, elements, elements_mut, recycle};
-use super::lanes::{LANES, Lanes, vectorised};
+use super::lanes::{LANES, Lanes};
+use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};
 
 /// eˣ within 2 units in the last place, without branches; arguments are clamped to [-87.3, 88].

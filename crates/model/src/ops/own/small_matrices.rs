@@ -228,7 +228,7 @@ fn tile<L: Lanes, const R: usize, const V: usize, const TRANSPOSED: bool>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::lanes::vectorised;
+    use super::super::vectors::vectorised;
     use super::*;
 
     vectorised! {

@@ -1,6 +1,6 @@
 //! The vectors of x86-64.
 //!
-//! Values of these types exist only in kernels that [`vectorised!`](super::lanes::vectorised) picked after checking the
+//! Values of these types exist only in kernels that [`vectorised!`](super::vectors::vectorised) picked after checking the
 //! CPU: every `unsafe` here relies on this.
 
 use std::arch::x86_64::*;

@@ -7,8 +7,9 @@ use super::tiles::{
     Statistics, Workspace, differentiate, load_gradient, mix, sum_by_keys_and_values,
 };
 use crate::ops::own::buffers::{Buffer, dims, elements, recycle};
-use crate::ops::own::lanes::{Lanes, vectorised};
+use crate::ops::own::lanes::Lanes;
 use crate::ops::own::small_matrices::ROWS;
+use crate::ops::own::vectors::vectorised;
 use crate::ops::own::{Above, Gradients, Operation};
 use crate::ops::{CrossLayout, CrossOptions, Rope};
 

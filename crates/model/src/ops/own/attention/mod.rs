@@ -13,11 +13,12 @@ use std::ops::Range;
 use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, dims, elements, elements_mut, part, part_mut, recycle};
-use super::lanes::{LANES, Lanes, vectorised};
+use super::lanes::{LANES, Lanes};
 use super::matmul::{Target, add_transposed, multiply, transposed};
 use super::panels::{Panels, View};
 use super::rows::{rms_norm, rms_norm_again, rms_norm_back};
 use super::small_matrices::ROWS;
+use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};
 use crate::ops::{AttentionOptions, SequenceLayout};
 use heads::{Head, Heads, Sight, rotate, rotate_back};
