@@ -1,12 +1,15 @@
 //! The whole fit: points in, [`Laws`] out.
 
 mod approach1;
+mod frontier;
 mod judge;
 mod parametric_laws;
+mod telling;
 #[cfg(test)]
 mod tests;
 
-pub use approach1::{FrontierPoint, approach1, frontier};
+pub use approach1::approach1;
+pub use frontier::{FrontierPoint, frontier};
 pub use judge::sensitivity_row;
 pub use parametric_laws::{around, fit_parametric, parametric_laws};
 

@@ -4,6 +4,7 @@
 //! law with the floor E. With a vocabulary they are the tangents at C0; a prediction elsewhere goes
 //! back to the loss itself.
 
+use super::telling::losses_tell;
 use super::unfitted;
 use crate::laws::file::{LawKind, Laws};
 use crate::laws::input::{FitError, IsoFlopPoint, Parameters};
@@ -20,12 +21,13 @@ use std::f64::consts::LN_10;
 ///
 /// # Errors
 /// [`FitError::BadValue`], [`FitError::BadLoss`], [`FitError::Metrics`] and [`FitError::BadOption`] for
-/// wrong input, [`FitError::NotIdentified`] if the rows cannot determine the coefficients.
+/// wrong input, [`FitError::NotIdentified`] if the rows cannot determine the coefficients, or tell no law.
 pub fn fit_parametric(
     points: &[IsoFlopPoint],
     options: &ParametricOptions,
 ) -> Result<Parametric, FitError> {
     let (own, findings) = fitted(points, options)?;
+    losses_tell(points)?;
     let size = options.form.quantities()[0];
     let of_rows = own.influence.as_ref().map(|influence| influence.sentence(size));
     let warnings = findings.iter().map(Finding::sentence).chain(of_rows).collect();
