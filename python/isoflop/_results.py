@@ -153,7 +153,16 @@ def _by(law: Union[Laws, PathLike], asked: Sequence[str]) -> Any:
 
 def _document(path: Path) -> Any:
     with refusing(f"{path} cannot be read"):
-        return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+        if not path.exists():
+            return None
+        # The digest is of the file, and what is read may be written elsewhere.
+        return json.loads(path.read_text(encoding="utf-8"), object_hook=_without_digest)
+
+
+def _without_digest(fields: Any) -> Any:
+    if str(fields.get("digest")).startswith("blake3:"):
+        del fields["digest"]
+    return fields
 
 
 def _frame(stem: Path) -> Any:

@@ -75,6 +75,17 @@ class Module(unittest.TestCase):
             with self.assertRaisesRegex(isoflop.IsoflopError, "polars or pandas"):
                 results.runs
 
+    def test_laws_that_were_read_can_be_written_and_predict(self):
+        with tempfile.TemporaryDirectory() as place:
+            folder = Path(place)
+            (folder / "runs.csv").write_text("run_id\n")
+            words = ["fit", str(STUDY), "--out", str(folder / "laws.json")]
+            isoflop._program.ask(words)
+            self.assertIn('"digest": "blake3:', (folder / "laws.json").read_text())
+            laws = isoflop.read(folder).laws
+            self.assertNotIn("digest", laws.document)
+            self.assertEqual(isoflop.predict(1e12, law=laws), isoflop.predict(1e12, law=folder))
+
     def test_whatever_is_wrong_is_an_error_of_isoflop(self):
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)

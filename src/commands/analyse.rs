@@ -7,7 +7,6 @@ use super::prelude::*;
 use super::quality::Scored;
 use isoflop::figures::Format;
 use isoflop::record::table;
-use isoflop::sweep;
 use rayon::prelude::*;
 
 /// Makes table, laws, figures and predictions from the records of finished runs.
@@ -16,7 +15,7 @@ use rayon::prelude::*;
 ///
 /// The plan is read from the folder alone, so any engine can call this.
 pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<Exit> {
-    let sweep = sweep::read(&folder.file("sweep.yaml"), &[])?;
+    let sweep = folder.sweep()?;
     let records = gather(folder, output)?;
     if records.is_empty() {
         // An empty table, without laws and figures.

@@ -166,7 +166,7 @@ impl SweepDifference {
                 return Ok(Vec::new());
             }
             let path = study.path.join("sweep.yaml");
-            let Some(text) = read_text_if_there(&path)? else { return Ok(Vec::new()) };
+            let Some(text) = read_yaml_if_there(&path)? else { return Ok(Vec::new()) };
             let value = serde_yaml::from_str(&text).map_err(|e| FileError::damaged(&path, e))?;
             let mut keys = BTreeMap::new();
             flatten("", &value, &mut keys);

@@ -3,7 +3,7 @@
 use super::args::not_negative;
 use super::context::TokenizerChoice;
 use super::prelude::*;
-use super::tokenize::motion_name;
+use super::tokenize::{motion_name, warn_of};
 use isoflop::codes::ClipCodes;
 use isoflop::data::read_motion;
 use isoflop::figures::motion::{CaptionedMotion, write_motion};
@@ -22,6 +22,9 @@ pub fn detokenize(args: &DetokenizeArgs, output: &Output) -> Result<Exit> {
     };
     // All are read and decoded before the first is written.
     let decoded: Vec<Decoded> = args.files.par_iter().map(decode).collect::<Result<_>>()?;
+    let originals = decoded.iter().filter_map(|(.., original)| original.as_ref());
+    let originals = originals.map(|own| (own.path.as_path(), own.features.as_slice()));
+    warn_of(originals, tokenizer.tokenizer.stats(), output);
     let written = names.iter().zip(&decoded).map(|(name, decoded)| write(args, name, decoded));
     let made: Vec<Made> = written.collect::<Result<_>>()?;
     let mean = mean_mpjpe(&made);
@@ -47,8 +50,17 @@ fn names(args: &DetokenizeArgs) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// A clip, its features, `[frames, 263]` row-major, and its distance from the original.
-type Decoded = (ClipCodes, Vec<f32>, Option<f64>);
+/// A clip, its features, `[frames, 263]` row-major, and its original, if that was found.
+type Decoded = (ClipCodes, Vec<f32>, Option<Original>);
+
+/// The motion that codes were made of.
+struct Original {
+    path: PathBuf,
+    /// `[T, 263]` row-major, not normalised.
+    features: Vec<f32>,
+    /// MPJPE of the decoded frames.
+    mpjpe_mm: f64,
+}
 
 fn decoded(args: &DetokenizeArgs, tokenizer: &TrainedTokenizer, path: &Path) -> Result<Decoded> {
     let clip = ClipCodes::read(path)?;
@@ -61,8 +73,8 @@ fn decoded(args: &DetokenizeArgs, tokenizer: &TrainedTokenizer, path: &Path) -> 
     let features =
         tokenizer.tokenizer.decode(&clip.codes, clip.frames, caption.as_deref(), guidance)?;
     let truth = truth(args, path, &clip)?;
-    let mpjpe_mm = truth.map(|truth| distance(&truth, &features, clip.fps)).transpose()?;
-    Ok((clip, features, mpjpe_mm))
+    let original = truth.map(|truth| Original::read(truth, &features, clip.fps)).transpose()?;
+    Ok((clip, features, original))
 }
 
 /// The original's file, if there is one.
@@ -83,18 +95,21 @@ fn truth(args: &DetokenizeArgs, path: &Path, clip: &ClipCodes) -> Result<Option<
     }
 }
 
-/// MPJPE over the decoded frames.
-fn distance(truth: &Path, made: &[f32], fps: f64) -> Result<f64> {
-    let features = read_motion(truth, fps)?;
-    let n_frames = |values: &[f32]| values.len() / N_FEATURES;
-    let (found, wanted) = (n_frames(&features), n_frames(made));
-    if found < wanted {
-        bail!("{} has {found} frames, and the codes stand for {wanted}", truth.display());
+impl Original {
+    /// Reads a file, and measures the decoded frames by it.
+    fn read(path: PathBuf, made: &[f32], fps: f64) -> Result<Self> {
+        let features = read_motion(&path, fps)?;
+        let n_frames = |values: &[f32]| values.len() / N_FEATURES;
+        let (found, wanted) = (n_frames(&features), n_frames(made));
+        if found < wanted {
+            bail!("{} has {found} frames, and the codes stand for {wanted}", path.display());
+        }
+        let mpjpe_mm = mpjpe_mm(&recover_joints(&features[..made.len()]), &recover_joints(made));
+        Ok(Self { path, features, mpjpe_mm })
     }
-    Ok(mpjpe_mm(&recover_joints(&features[..made.len()]), &recover_joints(made)))
 }
 
-fn write(args: &DetokenizeArgs, name: &str, (clip, features, mpjpe_mm): &Decoded) -> Result<Made> {
+fn write(args: &DetokenizeArgs, name: &str, (clip, features, original): &Decoded) -> Result<Made> {
     let caption = clip.caption.as_deref().unwrap_or(name);
     let motion = CaptionedMotion { features, fps: clip.fps as f32, caption };
     let written =
@@ -102,7 +117,7 @@ fn write(args: &DetokenizeArgs, name: &str, (clip, features, mpjpe_mm): &Decoded
     Ok(Made {
         motion: name.to_string(),
         frames: clip.frames,
-        mpjpe_mm: *mpjpe_mm,
+        mpjpe_mm: original.as_ref().map(|own| own.mpjpe_mm),
         bvh_largest_mm: written.deviation.largest_mm,
         bvh_mean_mm: written.deviation.mean_mm,
     })

@@ -3,11 +3,11 @@
 use super::prelude::*;
 use clap::ValueEnum;
 use isoflop::export::{NotebookInput, notebook};
+use isoflop::files::lines::{Lines, read_lines};
 use isoflop::files::tensorboard::{NAME, Scalar, events};
 use isoflop::laws::Minimum;
 use isoflop::progress::LogLine;
 use isoflop::record::table;
-use std::fs;
 use std::path::Component;
 
 #[derive(Args)]
@@ -44,7 +44,7 @@ pub fn export(args: &ExportArgs, output: &Output) -> Result<Exit> {
         ExportForm::Notebook => vec![write_notebook(&folder, out)?],
         ExportForm::Csv => csv(&folder, out)?,
         ExportForm::Parquet => copied(&folder, out, "parquet")?,
-        ExportForm::Tensorboard => tensorboard(&folder, out)?,
+        ExportForm::Tensorboard => tensorboard(&folder, out, output)?,
     };
     let text = match &paths[..] {
         [.., last] if paths.len() > SHOWN => {
@@ -89,7 +89,7 @@ fn copied(folder: &ResultsFolder, out: &Path, ending: &str) -> Result<Vec<PathBu
     for name in names {
         let from = folder.file(&name);
         if from.exists() {
-            let bytes = fs::read(&from).with_context(|| format!("reading {}", from.display()))?;
+            let bytes = table::checked(&from)?;
             let path = out.join(&name);
             atomic::write_bytes(&path, &bytes)?;
             paths.push(path);
@@ -124,16 +124,19 @@ fn minima(laws: &Laws) -> String {
 // Runs as TensorBoard reads them: a folder a run.
 
 /// Loss and learning rate over the training of each run in the folder, and its result.
-fn tensorboard(folder: &ResultsFolder, out: &Path) -> Result<Vec<PathBuf>> {
+fn tensorboard(folder: &ResultsFolder, out: &Path, output: &Output) -> Result<Vec<PathBuf>> {
     needs(folder, &["runs.parquet"])?;
     let mut paths = Vec::new();
     for record in table::read(folder.root())? {
         let log = folder.run(&record.planned.run_id).join("log.jsonl");
-        let Some(lines) = read_text_if_there(&log)? else { continue };
-        let lines = lines.lines().map(|line| {
-            serde_json::from_str(line).with_context(|| format!("{} is damaged", log.display()))
-        });
-        let lines: Vec<LogLine> = lines.collect::<Result<_>>()?;
+        let Some(Lines { whole: lines, damage }) = read_lines(&log)? else { continue };
+        if let Some(damage) = damage {
+            output.warn(&format!(
+                "{} is damaged ({damage}); lines of it that are exported: {}",
+                log.display(),
+                lines.len()
+            ));
+        }
         let path = out.join(name(&record)).join(format!("{NAME}.0.isoflop"));
         atomic::write_bytes(&path, &events(&scalars(&record, &lines)))?;
         paths.push(path);
@@ -188,7 +191,7 @@ fn write_notebook(folder: &ResultsFolder, out: &Path) -> Result<PathBuf> {
     let [target, from] = [folder.root(), out].map(|path| normal(&here.join(path)));
     let results = way(&from, &target).to_string_lossy().replace('\\', "/");
     let path = out.join(format!("{name}.ipynb"));
-    atomic::write_json(&path, &notebook(&NotebookInput { name: &name, results: &results }))?;
+    atomic::write_plain_json(&path, &notebook(&NotebookInput { name: &name, results: &results }))?;
     Ok(path)
 }
 

@@ -2,7 +2,6 @@
 
 use super::prelude::*;
 use isoflop::figures::{self, Format, GeneratorRuns, draw_alone};
-use isoflop::sweep;
 use std::collections::BTreeSet;
 
 /// The runs of each generator, by its name.
@@ -46,7 +45,7 @@ pub fn sweep_of(folder: &ResultsFolder) -> Result<Sweep> {
         let folder = folder.root().display();
         bail!("{folder} has no sweep.yaml; give the folder of a sweep");
     }
-    let mut sweep = sweep::read(&file, &[])?;
+    let mut sweep = home.sweep()?;
     if home.root() != folder.root() {
         let own = folder.name();
         sweep.name = format!("{} {own}", sweep.name);

@@ -123,7 +123,8 @@ fn of_one_generator(
     let mut records = Tuned::of(records).records;
     // Runs are moved to equal FLOPs if the laws count by another rule than the plan. A table and its laws are drawn
     // without a sweep too.
-    let planned = home.sweep().ok().map(|sweep| sweep.flops.rule);
+    let has_sweep = home.file("sweep.yaml").exists();
+    let planned = has_sweep.then(|| home.sweep()).transpose()?.map(|sweep| sweep.flops.rule);
     let counted = laws.as_ref().and_then(|laws| FlopsRule::named(&laws.flops_rule));
     if let (Some(planned), Some(counted)) = (planned, counted)
         && planned != counted

@@ -6,7 +6,9 @@ pub use std::path::{Path, PathBuf};
 
 pub use anyhow::{Context, Result, bail};
 pub use clap::Args;
-pub use isoflop::files::{FileError, atomic, read_if_there, read_text_if_there};
+pub use isoflop::files::{
+    FileError, atomic, read_if_there, read_text_if_there, read_yaml_if_there,
+};
 pub use isoflop::jobs::ResultsFolder;
 pub use isoflop::laws::Laws;
 pub use isoflop::predict::Prediction;

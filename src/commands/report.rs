@@ -45,6 +45,7 @@ pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
     let generators = of_each(&folder, &records, output)?;
     let several = generators.len() > 1;
     let (samples, not_shown) = samples(&home, &records)?;
+    not_shown.iter().for_each(|sentence| output.warn(sentence));
     let html = page(&ReportInput {
         name: &folder.name(),
         studies: &generators.iter().map(GeneratorResults::study).collect::<Vec<_>>(),
@@ -52,7 +53,7 @@ pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
         not_shown: &not_shown,
         tokenizers: &plot::tokenizers(&home, output)?,
         figures: &if several { kept_figures(&folder.file("figures"), output)? } else { Vec::new() },
-        sweep: &text(&home.file("sweep.yaml"))?,
+        sweep: &sweep_text(&home, output)?,
         dropped: &dropped(&home)?,
     });
     written(args, folder.file("report.html"), &html, output)
@@ -213,6 +214,17 @@ fn text(path: &Path) -> Result<String> {
     Ok(read_text_if_there(path)?.unwrap_or_default())
 }
 
+/// The sweep's file; empty without it, or with a warning where it is damaged.
+fn sweep_text(home: &ResultsFolder, output: &Output) -> Result<String> {
+    match read_yaml_if_there(&home.file("sweep.yaml")) {
+        Err(error) if error.is_damage() => {
+            output.warn(&format!("the page has no sweep: {error}"));
+            Ok(String::new())
+        }
+        read => Ok(read?.unwrap_or_default()),
+    }
+}
+
 /// The cells that were not run, one per line; none without a plan.
 fn dropped(folder: &ResultsFolder) -> Result<Vec<String>> {
     /// What is read of it.
@@ -271,8 +283,11 @@ fn of_run(home: &ResultsFolder, id: &str, place: &Path, made: Vec<Made>) -> Resu
     let kept = files.zip(made).filter(|(path, _)| path.exists());
     let kept: Vec<(PathBuf, Made)> = kept.take(SHOWN).collect();
     let captions: Vec<&str> = kept.iter().map(|(_, made)| made.caption.as_str()).collect();
-    let mut truth = truth(home, &captions);
     let (mut samples, mut not_shown) = (Vec::new(), Vec::new());
+    let mut truth = truth(home, &captions).unwrap_or_else(|reason| {
+        not_shown.push(format!("No true motion is shown: {reason}."));
+        HashMap::new()
+    });
     for (path, Made { caption, fps }) in kept {
         let features =
             read_motion(&path, fps).with_context(|| format!("reading {}", path.display()))?;
@@ -299,12 +314,14 @@ fn hindrance(poses: &[Pose]) -> Option<String> {
     long().or_else(|| not_drawn(poses))
 }
 
-/// The true motion of each caption, from the first clip of the test split with it; none without the data.
-fn truth(folder: &ResultsFolder, captions: &[&str]) -> HashMap<String, Vec<Pose>> {
-    let Ok(sweep) = folder.sweep() else { return HashMap::new() };
-    let Ok(data) = data::open(&sweep.data, demand(&sweep).as_ref()) else {
-        return HashMap::new();
-    };
+/// The true motion of each caption, from the first clip of the test split with it.
+///
+/// # Errors
+/// A sentence: the sweep or its data cannot be read.
+fn truth(folder: &ResultsFolder, captions: &[&str]) -> Result<HashMap<String, Vec<Pose>>, String> {
+    let sweep = folder.sweep().map_err(|errors| errors.problems[0].message.clone())?;
+    let data = data::open(&sweep.data, demand(&sweep).as_ref());
+    let data = data.map_err(|error| error.to_string())?;
     let mut found = HashMap::new();
     for clip in 0..data.n_clips(Split::Test) {
         let own = data.captions(Split::Test, clip);
@@ -315,5 +332,5 @@ fn truth(folder: &ResultsFolder, captions: &[&str]) -> HashMap<String, Vec<Pose>
             found.insert(caption.clone(), recover_joints(&features));
         }
     }
-    found
+    Ok(found)
 }

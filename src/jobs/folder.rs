@@ -73,7 +73,7 @@ impl ResultsFolder {
     /// # Errors
     /// The file is missing or damaged.
     pub fn sweep(&self) -> Result<Sweep, SweepErrors> {
-        sweep::read(&self.file("sweep.yaml"), &[])
+        sweep::read_resolved(&self.file("sweep.yaml"))
     }
 
     /// `name` in the folder: `laws.json`, `runs.parquet`, `figures`.

@@ -50,7 +50,9 @@ fn write_results(
 ) -> Result<()> {
     let place = assignment.place();
     weights::save(&place.join(MODEL), &trained.weights, weights_notes(&assignment.job.id))?;
-    write_json_lines(&place.join(LOG), &trained.log)?;
+    if !trained.log.is_empty() {
+        write_json_lines(&place.join(LOG), &trained.log)?;
+    }
     write_json_lines(&place.join(TEST_CLIPS), &trained.test.clips)?;
     let result = TrainerResult {
         device: Some(assignment.device_name.to_string()),

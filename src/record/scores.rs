@@ -1,14 +1,14 @@
 //! Tables of scores: `scores` of a sweep's runs, and `published` of systems.
 
-use std::fs::File;
 use std::path::Path;
 
 use polars::prelude::*;
 
 use super::run_record::RunRecord;
-use super::table::{TableError, write_frame};
+use super::table::{TableError, checked, write_frame};
 use crate::scores::Repeated;
 use crate::scores::published::{Printed, Row, SCORES};
+use crate::table::parquet_frame;
 
 /// The suffix of a column of half-widths.
 const HALF: &str = "_half_width";
@@ -96,9 +96,8 @@ impl ScoredRun {
 /// The file is missing or damaged, or a column has another type.
 pub fn read_scores(folder: &Path) -> Result<Vec<ScoredRun>, TableError> {
     let path = folder.join("scores.parquet");
-    let file = File::open(&path).map_err(|error| TableError::new(&path, error))?;
-    let frame = ParquetReader::new(file).finish();
-    frame.and_then(|frame| scored_runs(&frame)).map_err(|error| TableError::new(&path, error))
+    let frame = parquet_frame(checked(&path)?).map_err(|error| TableError::new(&path, error))?;
+    scored_runs(&frame.0).map_err(|error| TableError::new(&path, error))
 }
 
 fn scored_runs(frame: &DataFrame) -> PolarsResult<Vec<ScoredRun>> {

@@ -4,16 +4,18 @@
 //! The columns are those of [`COLUMNS`], then undeclared metrics by name. A missing column reads as null.
 
 use std::collections::BTreeSet;
-use std::fs::File;
+use std::fs::{self, File};
 use std::path::Path;
 
+use polars::io::parquet::write::KeyValueMetadata;
 use polars::prelude::*;
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use super::facts::{COLUMNS, CellKind, FactColumn, LOSSES, Planned};
 use super::run_record::{RunRecord, flat};
-use crate::files::atomic::write_whole;
+use crate::files::atomic::{write_bytes, write_whole};
+use crate::files::digest;
 use crate::table::parquet_frame;
 
 /// Why a table could not be written or read.
@@ -58,13 +60,35 @@ pub(super) fn write_frame(
 ) -> Result<(), TableError> {
     let mut frame = frame.map_err(|error| TableError::new(folder, error))?;
     let [parquet, csv] = ["parquet", "csv"].map(|ending| folder.join(format!("{name}.{ending}")));
-    write_whole(&parquet, |file| {
-        ParquetWriter::new(file).finish(&mut frame).map_err(std::io::Error::other).map(|_| ())
-    })
-    .map_err(|error| TableError::new(&parquet, error))?;
+    let bytes = parquet_bytes(&mut frame).map_err(|error| TableError::new(&parquet, error))?;
+    write_bytes(&parquet, &bytes).map_err(|error| TableError::new(&parquet, error))?;
     write_whole(&csv, |file| CsvWriter::new(file).finish(&mut frame).map_err(std::io::Error::other))
         .map_err(|error| TableError::new(&csv, error))
 }
+
+/// A table as Parquet, with its digest as a note.
+fn parquet_bytes(frame: &mut DataFrame) -> PolarsResult<Vec<u8>> {
+    let note = KeyValueMetadata::from_static(vec![("isoflop".into(), digest::field())]);
+    let mut bytes = Vec::new();
+    ParquetWriter::new(&mut bytes).with_key_value_metadata(Some(note)).finish(frame)?;
+    Ok(digest::fill(bytes))
+}
+
+/// The bytes of a Parquet table.
+///
+/// # Errors
+/// It cannot be read, or has the digest of other bytes.
+pub fn checked(path: &Path) -> Result<Vec<u8>, TableError> {
+    let bytes = fs::read(path).map_err(|error| TableError::new(path, error))?;
+    match digest::is_wrong(&bytes) {
+        true => Err(TableError::new(path, CHANGED)),
+        false => Ok(bytes),
+    }
+}
+
+/// Why a table is refused.
+const CHANGED: &str = "its bytes are not those that were written; the CSV beside it has the same rows, and \
+                       `isoflop run` writes both again from the records";
 
 /// Reads `runs.parquet` of a sweep's folder, or `runs.csv` if only that was kept.
 ///
@@ -78,8 +102,7 @@ pub fn read(folder: &Path) -> Result<Vec<RunRecord>, TableError> {
         let file = File::open(&path).map_err(|error| TableError::new(&path, error))?;
         csv_frame(file)
     } else {
-        let bytes = std::fs::read(&path).map_err(|error| TableError::new(&path, error))?;
-        let read = parquet_frame(bytes).map_err(|error| TableError::new(&path, error))?;
+        let read = parquet_frame(checked(&path)?).map_err(|error| TableError::new(&path, error))?;
         Ok(read.0)
     };
     frame.and_then(|frame| rows(&frame)).map_err(|error| TableError::new(&path, error))
@@ -233,7 +256,7 @@ mod tests {
         write(place.path(), &records).unwrap();
         assert_eq!(read(place.path()).unwrap(), records);
         // The CSV stands in for it where it alone was kept.
-        std::fs::remove_file(place.path().join("runs.parquet")).unwrap();
+        fs::remove_file(place.path().join("runs.parquet")).unwrap();
         assert_eq!(read(place.path()).unwrap(), records);
     }
 
@@ -256,7 +279,7 @@ mod tests {
     fn the_columns_are_those_of_format_1_then_the_new_ones_then_other_metrics() {
         let place = tempfile::tempdir().unwrap();
         write(place.path(), &[whole(), of_format_1()]).unwrap();
-        let csv = std::fs::read_to_string(place.path().join("runs.csv")).unwrap();
+        let csv = fs::read_to_string(place.path().join("runs.csv")).unwrap();
         let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
         let file = include_str!("../../tests/fixtures/record-format-1.json");
         let mut expected: Vec<&str> =

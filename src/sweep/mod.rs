@@ -35,6 +35,7 @@ use std::path::Path;
 
 use serde_yaml::{Mapping, Value};
 
+use crate::files::{FileError, read_yaml_if_there};
 use check::{check, engine};
 use presets::Layers;
 use problem::nearest;
@@ -51,6 +52,19 @@ pub fn read(path: &Path, settings: &[String]) -> Result<Sweep, SweepErrors> {
         ..errors
     })?;
     parse(&source.name, &source.text, settings)
+}
+
+/// Reads the resolved sweep in a results folder.
+///
+/// # Errors
+/// Also where its digest is that of another text.
+pub fn read_resolved(path: &Path) -> Result<Sweep, SweepErrors> {
+    let damaged = |error: FileError| {
+        let source = Source::new(path.display().to_string(), "");
+        SweepErrors::of(Problem::value("", error.to_string()), source)
+    };
+    read_yaml_if_there(path).map_err(damaged)?;
+    read(path, &[])
 }
 
 /// If the file is missing, suggests the closest preset name.

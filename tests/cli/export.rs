@@ -49,3 +49,25 @@ fn runs_are_exported_as_tables_and_for_tensorboard() {
     let loss = first["train_loss_nats"].as_f64().unwrap() as f32;
     assert!(said.contains(&format!("{}:{loss:.6}", first["step"])), "{said}");
 }
+
+#[test]
+fn a_log_that_is_empty_cut_or_changed_is_told_and_its_whole_lines_are_exported() {
+    let place = finished_mini();
+    let runs = place.names("results/mini/runs");
+    let log = |run: &String| format!("results/mini/runs/{run}/log.jsonl");
+    let text = |run| String::from_utf8(place.read(&log(run))).expect("text");
+    place.write(&log(&runs[0]), "");
+    let whole = text(&runs[1]);
+    place.write(&log(&runs[1]), &whole[..whole.len() - 20]);
+    place.write(&log(&runs[2]), text(&runs[2]).replacen("\"step\":", "\"step\":1", 1));
+    let ended = place.isoflop(&["export", "results/mini", "--to", "tensorboard"]).exits(0);
+    for (run, damage) in runs.iter().zip([
+        "is damaged (it is empty); lines of it that are exported: 0",
+        "is damaged (1 of its 2 lines cannot be read); lines of it that are exported: 1",
+        "is damaged (its bytes are not those that were written); lines of it that are exported: 2",
+    ]) {
+        let stderr = ended.stderr();
+        assert!(stderr.contains(&format!("{} {damage}", log(run))), "{stderr}");
+    }
+    assert_eq!(ended.stderr().matches("is damaged").count(), 3, "{}", ended.stderr());
+}

@@ -166,6 +166,32 @@ fn what_is_planted_in_a_folder_does_not_run_and_a_diverged_motion_is_told() {
 }
 
 #[test]
+fn a_page_without_its_sweep_or_data_says_why_it_shows_no_true_motion() {
+    let (place, _) = reported();
+    let run = place.names("results/lawful/runs").remove(0);
+    let samples = place.path(&format!("results/lawful/samples/{run}"));
+    std::fs::create_dir_all(&samples).expect("a writable directory");
+    let listed = serde_json::json!([{"caption": "a person walks", "fps": 20.0}]).to_string();
+    std::fs::write(samples.join("motions.json"), listed).expect("a writable directory");
+    let path = samples.join("0.features.npy");
+    write_npy(&path, &[60, 263], &[0.5; 60 * 263]).expect("a writable directory");
+    let report = || place.isoflop(&["report", "results/lawful"]).exits(0);
+    report().does_not_say("true motion");
+    let whole = String::from_utf8(place.read("results/lawful/sweep.yaml")).expect("text");
+    let changed = whole.replace("clips: 1", "clips: 2");
+    assert!(changed != whole);
+    place.write("results/lawful/sweep.yaml", changed);
+    let ended = report().says("No true motion is shown: ").says("the page has no sweep: ");
+    ended.says("sweep.yaml is damaged (its bytes are not those that were written");
+    let page = String::from_utf8(place.read("results/lawful/report.html")).expect("text");
+    assert!(page.contains("No true motion is shown: "));
+    place.write("results/lawful/sweep.yaml", "name: [");
+    report().says("No true motion is shown: not valid YAML");
+    std::fs::remove_file(place.path("results/lawful/sweep.yaml")).expect("a file");
+    report().says("No true motion is shown: cannot read ");
+}
+
+#[test]
 fn what_has_no_page_is_told() {
     let place = Place::new();
     place.isoflop(&["report", "nowhere"]).exits(2).says("nowhere");

@@ -296,6 +296,29 @@ fn what_a_table_cannot_tell_is_said_with_its_own_exit_code() {
 }
 
 #[test]
+fn a_table_without_a_law_is_told_and_has_its_own_exit_code() {
+    let place = known();
+    // Digits that follow neither N nor D.
+    let scatter = "(sqrt(N in millions)*7919.31-floor(sqrt(N in millions)*7919.31))";
+    let fit = |loss: &str, law: &str| {
+        let columns = KNOWN.replace("loss=L", &format!("loss={loss}"));
+        place.isoflop(&["fit", "runs.csv", "--columns", &columns, "--law", law])
+    };
+    for law in ["approach1", "approach3"] {
+        fit("3+0*L", law).exits(3).says("all 63 losses are 3: the table holds no law");
+        fit("C^(-0.05)", law).exits(3).says("at each budget the losses of all sizes are equal");
+        fit(&format!("3+{scatter}"), law).exits(3).says("no better than chance");
+    }
+    let of_data = "2+2100*(D (billions)*1e9)^(-0.37)";
+    fit(of_data, "approach1")
+        .exits(3)
+        .says("the frontier of the lowest loss has the smallest size");
+    let said = fit(of_data, "approach3").exits(3).stdout();
+    assert!(said.contains("The term of N is not identified"), "{said}");
+    assert!(said.contains("No exponent is determined"), "{said}");
+}
+
+#[test]
 fn rows_left_out_are_named() {
     let place = known();
     let args = ["fit", "runs.csv", "--columns", KNOWN, "--drop-highest", "1", "--law", "approach3"];

@@ -230,6 +230,25 @@ fn a_motion_in_other_units_axes_or_sides_is_told_by_name() {
 }
 
 #[test]
+fn an_original_that_is_no_motion_of_a_body_is_told_by_name() {
+    let (place, own) = trained("mini.yaml", &[]);
+    let files = write_test_split(&place);
+    let tokenize = ["--tokenizer", &own, "--out", "codes"];
+    place.isoflop(&words("tokenize", &files[..1], &tokenize)).exits(0);
+    let detokenize = |truth: &str| {
+        let words = ["detokenize", "codes/0.json", "--truth", truth, "--tokenizer", &own];
+        place.isoflop(&[&words[..], &["--out", "made", "--overwrite"]].concat()).exits(0)
+    };
+    detokenize("truth/0.npy").does_not_say("warning");
+    let mirrored = motion().poses(Split::Test, 0).into_iter();
+    let mirrored: Vec<Pose> = mirrored.map(|pose| pose.map(|[x, y, z]| [-x, y, z])).collect();
+    let rows = build_features(&mirrored);
+    let shape = [rows.len() / N_FEATURES, N_FEATURES];
+    write_npy(&place.path("mirrored.npy"), &shape, &rows).expect("a writable directory");
+    detokenize("mirrored.npy").says("mirrored.npy").says("the toes are behind the ankles");
+}
+
+#[test]
 fn codes_that_are_no_codes_of_the_tokenizer_are_told() {
     let (place, own) = trained("mini.yaml", &[]);
     let files = write_test_split(&place);
@@ -253,6 +272,11 @@ fn codes_that_are_no_codes_of_the_tokenizer_are_told() {
     refused(&|clip| clip["codes"] = Value::Array(vec![]), &[], "and it holds 0");
     refused(&|clip| clip["tokenizer_id"] = "b2".into(), &[], "are those of tokenizer b2");
     refused(&|clip| clip["color"] = 1.into(), &[], "unknown field `color`");
+    let whole = String::from_utf8(place.read("codes/0.json")).expect("text");
+    place.write("codes/0.json", whole.replace("\"frames\": ", "\"frames\": 1"));
+    let changed = ["detokenize", "codes/0.json", "--tokenizer", &own, "--out", "made"];
+    place.isoflop(&changed).exits(2).says("take its `digest` out");
+    place.write("codes/0.json", whole);
     refused(&same, &["--detokenizer-guidance", "2"], "no language that --detokenizer-guidance");
     refused(&same, &["--truth", "absent"], "cannot read absent");
     refused(&same, &["--truth", "codes"], "codes holds no 0.npy");

@@ -169,7 +169,10 @@ pub fn tokenizers(results: &Path) -> Vec<(String, serde_json::Value)> {
             let text =
                 std::fs::read_to_string(folder.path().join("metrics.json")).expect("measured");
             let mut metrics: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-            metrics.as_object_mut().expect("an object").retain(|key, _| !key.ends_with("_s"));
+            metrics
+                .as_object_mut()
+                .expect("an object")
+                .retain(|key, _| !key.ends_with("_s") && key != "digest");
             (folder.file_name().to_string_lossy().into_owned(), metrics)
         })
         .collect();

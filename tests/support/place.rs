@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use isoflop::files::digest;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -58,9 +59,10 @@ impl Place {
         fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
-    /// The content of a JSON file.
+    /// The content of a JSON file, without its digest.
     pub fn json(&self, name: &str) -> Value {
-        serde_json::from_slice(&self.read(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+        let bytes = digest::without(self.read(name));
+        serde_json::from_slice(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
     /// Names in a folder, sorted; those that begin with a dot are left out.

@@ -102,12 +102,12 @@ impl RunTable {
         if path.is_dir() {
             let sweep = sweep_of(&ResultsFolder::new(path))?;
             let rule = rule.unwrap_or(sweep.flops.rule);
-            let table = table::read(&path.join("runs.parquet"))?;
+            let table = checked_table(&path.join("runs.parquet"))?;
             return Ok(Self { name: sweep.name, rule, table });
         }
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
         let name = stem.unwrap_or_else(|| "table".into());
-        Ok(Self { name, rule: rule.unwrap_or(FlopsRule::SixNd), table: table::read(path)? })
+        Ok(Self { name, rule: rule.unwrap_or(FlopsRule::SixNd), table: checked_table(path)? })
     }
 
     /// Its points.
@@ -139,6 +139,14 @@ impl RunTable {
         let flops = format!("flops={own}");
         Ok(Some(columns.map_or(flops.clone(), |text| format!("{text},{flops}"))))
     }
+}
+
+/// A table; of a Parquet table with a digest, the bytes that it is of.
+fn checked_table(path: &Path) -> Result<Table> {
+    if path.is_file() && path.extension().is_some_and(|ending| ending == "parquet") {
+        runs::checked(path)?;
+    }
+    Ok(table::read(path)?)
 }
 
 // Fits the requested law.

@@ -137,7 +137,7 @@ pub fn prepare(open: &OpenSweep, args: &RunArgs, output: &Output) -> Result<()> 
     }
     mend(plan, folder, output)?;
     keep_former(plan, folder, output)?;
-    atomic::write_bytes(&folder.file("sweep.yaml"), serde_yaml::to_string(sweep)?.as_bytes())?;
+    atomic::write_yaml(&folder.file("sweep.yaml"), &serde_yaml::to_string(sweep)?)?;
     let document = plan::json(plan, folder, &folder.run_states());
     atomic::write_json(&folder.file("plan.json"), &document)?;
     write_specs(plan, folder, &mut |line| output.warn(&line))?;

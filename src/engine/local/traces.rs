@@ -1,8 +1,9 @@
 //! Traces of jobs on disk: [`Timeline`], the time and slot of each as JSON lines in `schedule.jsonl`, and [`Curve`], its losses.
 
 use crate::engine::runner::JobEnd;
+use crate::files::FileError;
+use crate::files::lines::read_lines;
 use crate::files::tensorboard::{NAME, Scalar, header, records, restart};
-use crate::files::{FileError, read_text_if_there};
 use crate::jobs::speed::{SCHEDULE, Stretch};
 use crate::jobs::{Job, ResultsFolder};
 use crate::progress::{Beat, LogLine};
@@ -110,10 +111,10 @@ impl<'a> Curve<'a> {
 
     /// Writes the results of a finished run: the validation curve, and L_u on the test split.
     pub fn done(&mut self) {
-        let text = read_text_if_there(&self.folder.job(&self.job.id).join("log.jsonl"));
-        let text = text.ok().flatten().unwrap_or_default();
-        let lines = text.lines().filter_map(|line| serde_json::from_str::<LogLine>(line).ok());
+        let lines = read_lines(&self.folder.job(&self.job.id).join("log.jsonl")).ok().flatten();
+        let lines: Vec<LogLine> = lines.map(|lines| lines.whole).unwrap_or_default();
         let mut scalars: Vec<Scalar> = lines
+            .iter()
             .map(|line| scalar("val/loss_normalised", line.step, line.val_loss_normalised))
             .collect();
         let last = scalars.last().map_or(0, |scalar| scalar.step);

@@ -15,8 +15,8 @@ use super::submission::SubmissionTerms;
 use crate::files::{atomic, read_if_there};
 use crate::jobs::presence::is_asked_to_end;
 use crate::jobs::{Job, JobState, ResultsFolder};
+use crate::machine;
 use crate::progress::{Beat, Stop};
-use crate::{machine, sweep};
 
 use crate::failure::Failure;
 use crate::sweep::{Stage, minutes};
@@ -63,7 +63,7 @@ pub fn work(
         say(&format!("error: {missing}"));
         return Ok(Ended::NoInputs);
     }
-    let sweep = sweep::read(&folder.file("sweep.yaml"), &[]).map_err(io::Error::other)?;
+    let sweep = folder.sweep().map_err(io::Error::other)?;
     let is_input = array.starts_with(Stage::Inputs.word());
     let slots = settings.slots(if is_input { Stage::Inputs } else { Stage::Train });
     let guarded = Guarded {

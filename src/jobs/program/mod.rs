@@ -28,7 +28,7 @@ use super::job::{JobId, JobKind};
 use super::worker;
 use crate::codes::TokenStore;
 use crate::failure::{Failure, FailureKind};
-use crate::files::atomic::{remove, write_json, write_json_lines};
+use crate::files::atomic::{remove, write_json, write_json_lines, write_plain_json};
 use crate::files::read_if_there;
 use crate::generator;
 use crate::learn::weights::{self, Source};
@@ -132,7 +132,7 @@ fn with_init(
 /// Makes the folder ready; the words of the command.
 fn prepare(spec: &TrainerSpec, command: &TrainerCommand, place: &Path) -> Result<Vec<String>> {
     let path = place.join("trainer.json");
-    write_json(&path, spec).context("writing trainer.json")?;
+    write_plain_json(&path, spec).context("writing trainer.json")?;
     fs::create_dir_all(&spec.checkpoint).context("making the checkpoint's folder")?;
     remove(&spec.out)?;
     let python = python();
@@ -250,7 +250,8 @@ fn handed_over(
         checkpoint_s: assignment.sweep()?.train.checkpoint_s,
     };
     let handover = Handover::write(&job.spec, corpus, assignment.device, files)?;
-    write_json(&place.join("trainer.json"), &handover).context("writing trainer.json")?;
+    let path = place.join("trainer.json");
+    write_plain_json(&path, &handover).context("writing trainer.json")?;
     Ok(handover)
 }
 

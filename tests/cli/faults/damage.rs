@@ -139,6 +139,69 @@ fn codes_and_vectors_with_a_bit_turned_over_are_made_again() {
     }
 }
 
+/// Changes a digit of the first number of a text that has a decimal point.
+fn change(path: &Path) {
+    let mut bytes = fs::read(path).expect("a readable file");
+    let at = bytes.windows(2).position(|pair| pair[0] == b'.' && pair[1].is_ascii_digit());
+    let at = at.unwrap_or_else(|| panic!("no number in {}", path.display())) + 1;
+    bytes[at] = if bytes[at] == b'9' { b'1' } else { bytes[at] + 1 };
+    fs::write(path, bytes).expect("a writable file");
+}
+
+#[test]
+fn a_product_with_one_number_changed_is_found_and_made_again() {
+    for (folder, file) in
+        [("tokenizers", "metrics.json"), ("tokenizers", "job.json"), ("runs", "spec.json")]
+    {
+        let (place, path) = with_damage(|place| read_by_it(place, folder, file), change);
+        let ended = place.isoflop(&["run", "mini.yaml"]).exits(0);
+        ended.says(&format!("{path} is damaged (its bytes are not those that were written"));
+        assert_undisturbed(&place.path("results/mini"));
+    }
+    let place = finished_mini();
+    let record = format!("{}/record.json", run_folders(&place, "mini").remove(3));
+    let results = place.path("results/mini");
+    change(&place.path(&record));
+    let words = "not those that were written";
+    place.isoflop(&["status", "results/mini"]).exits(0).says(&record).says(words);
+    place.isoflop(&["run", "mini.yaml"]).exits(0).says(&record).says("1 jobs to do");
+    assert_undisturbed(&results);
+    for (file, readers) in [
+        ("laws.json", &["plot", "report", "predict 1e9 --law"][..]),
+        ("prediction.json", &["report"]),
+        ("sweep.yaml", &["fit"]),
+        ("runs.parquet", &["fit", "plot", "report", "export --to parquet"]),
+        ("plan.json", &["status"]),
+    ] {
+        let path = results.join(file);
+        let whole = fs::read(&path).expect("it is there");
+        if file == "runs.parquet" {
+            middle(&path);
+        } else {
+            change(&path);
+        }
+        for reader in readers {
+            let words: Vec<&str> = reader.split(' ').chain(["results/mini"]).collect();
+            let ended = place.isoflop(&words).exits(2).says(file);
+            ended.says("its bytes are not those that were written");
+        }
+        place.isoflop(&["run", "mini.yaml"]).exits(0);
+        fs::write(&path, whole).expect("a writable file");
+    }
+    // Without its digest a file is the user's own.
+    let laws = place.json("results/mini/laws.json").to_string().replace("\"mini\"", "\"mine\"");
+    place.write("results/mini/laws.json", laws);
+    place.isoflop(&["plot", "results/mini", "--format", "svg"]).exits(0);
+}
+
+/// Turns a bit in the middle of a file over.
+fn middle(path: &Path) {
+    let mut bytes = fs::read(path).expect("a readable file");
+    let at = bytes.len() / 2;
+    bytes[at] ^= 1;
+    fs::write(path, bytes).expect("a writable file");
+}
+
 #[test]
 fn a_tokenizer_whose_weights_are_damaged_is_trained_again_where_its_codes_are_wanted() {
     let (place, weights) = with_cut(|place| read_by_it(place, "tokenizers", "weights.safetensors"));

@@ -137,7 +137,11 @@ fn slopes_of_power_laws(laws: &Laws) -> PerQuantity<Found> {
         let none = law.is_none().then_some(why);
         Found::new(law.map(|law| law.exponent), law.and_then(|law| law.exponent_ci95), none)
     };
-    let (powers, few) = (&laws.power_laws, Undetermined::FewMinima);
+    let powers = &laws.power_laws;
+    let few = match laws.parametric {
+        Some(_) => Undetermined::NoOptimum,
+        None => Undetermined::FewMinima,
+    };
     let vocab = if powers.tokens.is_some() && told { Undetermined::OneVocabulary } else { few };
     let all = PerQuantity {
         params_nonvocab: Some(exponent(powers.size(), few)),

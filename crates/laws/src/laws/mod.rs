@@ -4,8 +4,7 @@
 //!
 //! | floor | module | content | also imports |
 //! | --- | --- | --- | --- |
-//! | 1 | `maths` | statistics, lines, least squares and draws, which know nothing of runs | |
-//! | 1 | `text` | numbers for a person | |
+//! | 1 | `maths` | statistics, lines, least squares and draws, which know nothing of runs; numbers for a person: [`text`] | |
 //! | 2 | `input` | what a fit is given: runs and how it is asked for; runs by budget and cell: [`group_budgets`] | |
 //! | 3 | `slices` | equal FLOPs by another count: [`slices()`] | |
 //! | 3 | `minima` | the best configuration of each budget: [`minima()`], [`minimum_at`]; of a few cells that test a forecast: [`cross_optimum`] | |
@@ -75,7 +74,6 @@ mod say;
 #[cfg(test)]
 pub mod simulated;
 mod slices;
-pub mod text;
 
 pub use design::{DesignGoal, OpenRun, next_runs};
 pub use file::{
@@ -97,6 +95,7 @@ pub use lines::{
     Sensitivity, Validation, ValidationKind, floor_law, log_law, power_law,
 };
 pub use maths::stats::{Difference, Estimate, Normals, interval95, student_t95};
+pub use maths::text::{self, times};
 pub use maths::{LeastSquares, least_squares};
 pub use minima::{
     CrossOptimum, LackOfFit, Minimum, MinimumFlag, MinimumIntervals, NoiseSource, Optimum,
@@ -113,4 +112,3 @@ pub use ranking::{
 };
 pub use say::flags_text;
 pub use slices::{Slices, slices};
-pub use text::times;

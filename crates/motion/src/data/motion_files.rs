@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::look::Finding;
 use super::npy::{NpyArray, NpyProblem, parse_npy};
 use super::source::DataError;
-use crate::files::{LARGE, read_regular};
+use crate::files::{LARGE, SMALL, as_written, read_regular};
 use crate::motion::bvh::Bvh;
 use crate::motion::retarget::Stance;
 use crate::motion::{JOINT_NAMES, N_FEATURES, N_JOINTS, Pose, build_features_at, recover_joints};
@@ -113,11 +113,14 @@ pub fn frame_rate(root: &Path, files: MotionFiles, told: Option<f64>) -> Result<
 fn imported(root: &Path) -> Result<Option<f64>, DataError> {
     let path = root.join(IMPORT);
     let invalid = |problem: String| DataError::invalid(path.display(), problem);
-    let text = match crate::files::read_text(&path) {
+    let advice = "`isoflop data import` writes it";
+    let bytes = match read_regular(&path, SMALL) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        text => text.map_err(DataError::read(&path, "`isoflop data import` writes it"))?,
+        bytes => bytes.map_err(DataError::read(&path, advice))?,
     };
-    let import: Import = serde_json::from_str(&text).map_err(|error| invalid(error.to_string()))?;
+    let bytes = as_written(&path, bytes).map_err(|error| invalid(error.to_string()))?;
+    let import: Import =
+        serde_json::from_slice(&bytes).map_err(|error| invalid(error.to_string()))?;
     match import.fps {
         // Numbers that single precision holds.
         Some(fps) if !(1e-6..=1e6).contains(&fps) => {

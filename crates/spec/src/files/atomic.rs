@@ -5,7 +5,7 @@ use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
-use super::FileError;
+use super::{FileError, digest};
 
 /// How the name of a file that is not whole yet begins.
 pub const PARTIAL: &str = ".partial-";
@@ -115,28 +115,46 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     write_whole(path, |file| file.write_all(bytes))
 }
 
-/// [`write_whole`] for a value as indented JSON with a newline at its end.
+/// [`write_whole`] for a value as indented JSON with a newline at its end, and with its [digest](digest).
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), FileError> {
-    let text = json(value).map_err(FileError::write(path))?;
-    write_bytes(path, text.as_bytes())
+    write_bytes(path, &with_digest(value).map_err(FileError::write(path))?)
 }
 
-/// [`write_whole`] for values as JSON, a line each.
+/// [`write_json`] without a digest, for a file that other programs read or change.
+pub fn write_plain_json(path: &Path, value: &impl serde::Serialize) -> Result<(), FileError> {
+    write_bytes(path, json(value).map_err(FileError::write(path))?.as_bytes())
+}
+
+/// [`write_whole`] for values as JSON, a line each; the first line has the [digest](digest) of all.
 pub fn write_json_lines(path: &Path, values: &[impl serde::Serialize]) -> Result<(), FileError> {
-    let line = |value| Ok(serde_json::to_string(value)? + "\n");
-    let lines: io::Result<String> = values.iter().map(line).collect();
-    write_bytes(path, lines.map_err(FileError::write(path))?.as_bytes())
+    let line = |(at, value)| {
+        let line = serde_json::to_string(value)?;
+        Ok(if at == 0 { digest::within_json(&line) } else { line } + "\n")
+    };
+    let lines: io::Result<String> = values.iter().enumerate().map(line).collect();
+    let lines = lines.map_err(FileError::write(path))?;
+    write_bytes(path, &digest::fill(lines.into_bytes()))
+}
+
+/// [`write_whole`] for a text of YAML with its [digest](digest).
+pub fn write_yaml(path: &Path, text: &str) -> Result<(), FileError> {
+    write_bytes(path, &digest::fill(digest::below_yaml(text).into_bytes()))
 }
 
 /// [`write_json`] for one of very many files that can be made again: a killed process leaves it whole
 /// or not there, but it is not flushed, and a power cut may leave it empty.
 pub fn write_json_unflushed(path: &Path, value: &impl serde::Serialize) -> Result<(), FileError> {
     let failed = FileError::write(path);
-    let text = json(value).map_err(&failed)?;
-    write(path, |file| file.write_all(text.as_bytes()), |_| Ok(())).map_err(failed)
+    let bytes = with_digest(value).map_err(&failed)?;
+    write(path, |file| file.write_all(&bytes), |_| Ok(())).map_err(failed)
 }
 
-/// A value as [`write_json`] writes it.
+/// The bytes that [`write_json`] writes.
+pub fn with_digest(value: &impl serde::Serialize) -> io::Result<Vec<u8>> {
+    Ok(digest::fill(digest::within_json(&json(value)?).into_bytes()))
+}
+
+/// A value as indented JSON with a newline at its end.
 pub fn json(value: &impl serde::Serialize) -> io::Result<String> {
     let mut text = serde_json::to_string_pretty(value)?;
     text.push('\n');

@@ -1,4 +1,5 @@
-//! Files: written whole, by rename; of columns; read as JSON; set aside where they are damaged; TensorBoard's events.
+//! Files: written whole, by rename, with a digest; of columns; read as JSON or line by line; set aside where they are
+//! damaged; TensorBoard's events.
 //!
 //! # Example
 //!
@@ -15,6 +16,8 @@
 
 pub mod atomic;
 pub mod columns;
+pub mod digest;
+pub mod lines;
 pub mod tensorboard;
 
 use std::error::Error;
@@ -187,14 +190,46 @@ pub fn read_text(path: &Path) -> io::Result<String> {
 
 // Files that may be missing or damaged.
 
-/// Reads a JSON file; a missing one is `None`, a damaged one an error that names it.
+/// Reads a JSON file; a missing one is `None`, a damaged one, or one with the digest of other bytes, an error that names
+/// it.
 ///
 /// # Errors
 /// [`FileError::Read`] and [`FileError::Damaged`].
 pub fn read_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FileError> {
     let damaged = |error| FileError::damaged(path, error);
     let bytes = if_there(path, read_regular(path, LARGE))?;
+    let bytes = bytes.map(|bytes| as_written(path, bytes)).transpose()?;
     bytes.map(|bytes| serde_json::from_slice(&bytes).map_err(damaged)).transpose()
+}
+
+/// The content of a JSON or YAML file without its digest.
+///
+/// # Errors
+/// [`FileError::Damaged`]: the digest is that of other bytes.
+pub fn as_written(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>, FileError> {
+    unchanged(path, &bytes)?;
+    Ok(digest::without(bytes))
+}
+
+/// Refuses a file with the digest of other bytes.
+///
+/// # Errors
+/// [`FileError::Damaged`].
+pub fn unchanged(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    match digest::is_wrong(bytes) {
+        true => Err(FileError::damaged(path, digest::CHANGED)),
+        false => Ok(()),
+    }
+}
+
+/// Reads a YAML file that isoflop wrote; a missing one is `None`.
+///
+/// # Errors
+/// [`FileError::Read`]; [`FileError::Damaged`]: it is no text, or its digest is that of other bytes.
+pub fn read_yaml_if_there(path: &Path) -> Result<Option<String>, FileError> {
+    let Some(bytes) = if_there(path, read_regular(path, SMALL))? else { return Ok(None) };
+    let text = String::from_utf8(as_written(path, bytes)?);
+    text.map(Some).map_err(|_| FileError::damaged(path, "it is not UTF-8"))
 }
 
 /// Reads a text file; a missing one is `None`.
@@ -218,7 +253,13 @@ fn mended_by(path: &Path) -> &'static str {
         "record.json" => "`isoflop run` sets it aside and trains the run again",
         "metrics.json" => "`isoflop run` sets it aside and trains the tokenizer again",
         "failure.json" => "`isoflop run` with --retry-failed tries the job again",
-        "plan.json" | "spec.json" | "job.json" | "laws.json" => "`isoflop run` writes it again",
+        "gates.json" => "`isoflop run` sets it aside and trains the evaluator again",
+        "scores.json" => "`isoflop run` sets it aside and scores the run again",
+        "laws.json" => {
+            "`isoflop run` writes it again, and so does `isoflop fit` with --save or --out"
+        }
+        "plan.json" | "spec.json" | "job.json" | "prediction.json" | "sweep.yaml"
+        | "runs.parquet" | "scores.parquet" => "`isoflop run` writes it again",
         _ => "remove it to have it made again",
     }
 }

@@ -5,13 +5,15 @@
 //! and the laws go through the configurations that hold it. It needs no declared budgets, but it
 //! trusts single runs: the lowest of many noisy losses is a lucky one.
 
+use super::single_runs::losses_tell;
+use super::single_runs::{Candidates, FrontierPoint, LEAST_SIZES};
 use super::{fill, unfitted};
 use crate::laws::file::{LawKind, Laws};
 use crate::laws::input::{
-    FitError, FitOptions, IsoFlopPoint, Parameters, compare, is_same_budget, metric_of,
+    FitError, FitOptions, IsoFlopPoint, Parameters, is_same_budget, metric_of,
 };
 use crate::laws::lines::{Columns, LawSet, PowerLaw, law_set};
-use crate::laws::maths::stats::{below, distinct, extent, geometric_mean, interval95};
+use crate::laws::maths::stats::{below, distinct, geometric_mean, interval95};
 use crate::laws::say::warnings;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -20,13 +22,15 @@ use rayon::prelude::*;
 /// The laws through the frontier, with intervals from drawing curves anew.
 ///
 /// # Errors
-/// [`FitError`]: wrong values, or a frontier of fewer than three sizes.
+/// [`FitError`]: wrong values, losses that tell no law, or a frontier of fewer than three sizes or along the smallest or
+/// largest ones.
 pub fn approach1(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitError> {
     if points.is_empty() {
         return Err(FitError::NoPoints);
     }
     metric_of(points)?;
     points.iter().try_for_each(|p| p.check(options.parameters))?;
+    losses_tell(points)?;
     let candidates = Candidates::new(points, true);
     let front = candidates.lowest(&vec![true; candidates.n_curves]);
     let reference = geometric_mean(front.iter().map(|p| p.flops));
@@ -38,12 +42,15 @@ pub fn approach1(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, 
              {LEAST_SIZES}; give runs of more sizes and budgets"
         ))
     })?;
+    if let Some((n, end, other)) = candidates.edge(&front) {
+        return Err(FitError::NotIdentified(format!(
+            "the frontier of the lowest loss has the {end} size at all of its {n} budgets, so the sizes tried set \
+             its law; give runs of {other} sizes"
+        )));
+    }
     let replicates = replicates(&candidates, reference, options);
     Ok(laws(points, &front, fitted, &replicates, options))
 }
-
-/// Fewest sizes on a frontier: with one or two, the grid alone would set the law.
-const LEAST_SIZES: usize = 3;
 
 /// Refits to curves drawn with replacement; a curve drawn twice counts once.
 fn replicates(candidates: &Candidates, reference: f64, options: &FitOptions) -> Vec<LawSet> {
@@ -133,109 +140,10 @@ fn sentences(
     sentences
 }
 
-// The running minimum of the loss over C.
-
-/// Values of C at which training curves are read.
-const GRID: usize = 256;
-
-/// The configuration that holds the lowest loss seen up to some C.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrontierPoint {
-    pub flops: f64,
-    pub params_nonvocab: f64,
-    pub params_vocab: f64,
-    pub n_vocab: f64,
-    pub tokens: f64,
-    pub loss: f64,
-}
-
-/// The running minimum of the loss over C, ascending in C.
-pub fn frontier(points: &[IsoFlopPoint], interpolate: bool) -> Vec<FrontierPoint> {
-    let candidates = Candidates::new(points, interpolate);
-    candidates.lowest(&vec![true; candidates.n_curves])
-}
-
-/// Every point that may be on a frontier, ascending in C, and by loss where C is the same but for rounding, with
-/// the curve it belongs to: sorted once, so that a frontier of some of the curves is one pass.
-struct Candidates {
-    points: Vec<(usize, FrontierPoint)>,
-    n_curves: usize,
-}
-
-impl Candidates {
-    /// Every run, and between the runs of a training curve its loss interpolated in ln C.
-    fn new(points: &[IsoFlopPoint], interpolate: bool) -> Self {
-        let curves = curves(points);
-        let range = extent(points.iter().map(|p| p.flops.ln()));
-        let mut all = Vec::new();
-        for (index, curve) in curves.iter().enumerate() {
-            all.extend(curve.iter().map(|p| (index, measured(p))));
-            if interpolate && curve.len() > 1 {
-                all.extend(between(curve, range).map(|p| (index, p)));
-            }
-        }
-        all.sort_by(|(_, a), (_, b)| a.flops.total_cmp(&b.flops));
-        let of_one_budget = all.chunk_by_mut(|(_, a), (_, b)| is_same_budget(a.flops, b.flops));
-        of_one_budget.for_each(|runs| runs.sort_by(|a, b| a.1.loss.total_cmp(&b.1.loss)));
-        Self { points: all, n_curves: curves.len() }
-    }
-
-    /// The points of the chosen curves with a lower loss than every point at less C.
-    fn lowest(&self, chosen: &[bool]) -> Vec<FrontierPoint> {
-        let mut least = f64::INFINITY;
-        let mut lowest = Vec::new();
-        for (curve, point) in &self.points {
-            if chosen[*curve] && point.loss < least {
-                least = point.loss;
-                lowest.push(*point);
-            }
-        }
-        lowest
-    }
-}
-
-/// Runs of one configuration and seed, each ascending in C.
-fn curves(points: &[IsoFlopPoint]) -> Vec<Vec<&IsoFlopPoint>> {
-    let key = |p: &IsoFlopPoint| [p.params_nonvocab, p.params_vocab, p.n_vocab, p.seed as f64];
-    let mut rows: Vec<&IsoFlopPoint> = points.iter().collect();
-    rows.sort_by(|a, b| compare(&key(a), &key(b)).then(a.flops.total_cmp(&b.flops)));
-    rows.chunk_by(|a, b| key(a) == key(b)).map(<[_]>::to_vec).collect()
-}
-
-fn measured(p: &IsoFlopPoint) -> FrontierPoint {
-    FrontierPoint {
-        flops: p.flops,
-        params_nonvocab: p.params_nonvocab,
-        params_vocab: p.params_vocab,
-        n_vocab: p.n_vocab,
-        tokens: p.tokens,
-        loss: p.loss,
-    }
-}
-
-/// A curve at the values of C that lie strictly between two of its runs.
-fn between(curve: &[&IsoFlopPoint], [low, high]: [f64; 2]) -> impl Iterator<Item = FrontierPoint> {
-    let step = (high - low) / GRID as f64;
-    (1..GRID).filter_map(move |i| at(curve, low + step * i as f64))
-}
-
-/// A curve's point at e^`ln_flops`, linear in ln C between two runs; none outside them.
-fn at(curve: &[&IsoFlopPoint], ln_flops: f64) -> Option<FrontierPoint> {
-    let right = curve.partition_point(|p| p.flops.ln() < ln_flops);
-    let (a, b) = (curve.get(right.checked_sub(1)?)?, curve.get(right)?);
-    let share = (ln_flops - a.flops.ln()) / (b.flops.ln() - a.flops.ln());
-    let mix = |a: f64, b: f64| a + share * (b - a);
-    Some(FrontierPoint {
-        flops: ln_flops.exp(),
-        tokens: mix(a.tokens.ln(), b.tokens.ln()).exp(),
-        loss: mix(a.loss, b.loss),
-        ..measured(a)
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::laws::fit::frontier;
     use crate::laws::simulated::point;
 
     /// Training curves of five sizes, whose envelope is N = C^½ and L = 2 + C^−0.1.
@@ -344,6 +252,25 @@ mod tests {
             }
         }
         assert!(frontier(&runs, true).len() > frontier(&runs, false).len());
+    }
+
+    #[test]
+    fn a_frontier_along_the_smallest_or_largest_sizes_is_refused() {
+        let beyond = |is_kept: fn(f64, f64) -> bool| {
+            let all = curves().into_iter().filter(|p| (4e15..4e17).contains(&p.flops));
+            let kept = all.filter(|p| is_kept(p.params_nonvocab, p.flops.sqrt()));
+            approach1(&kept.collect::<Vec<_>>(), &options())
+        };
+        for (is_kept, end, other) in [
+            ((|n, best| n > 1.5 * best) as fn(f64, f64) -> bool, "smallest", "smaller"),
+            (|n, best| n < 0.6 * best, "largest", "larger"),
+        ] {
+            let error = beyond(is_kept).unwrap_err();
+            assert!(error.is_unidentifiable());
+            let told = error.to_string();
+            assert!(told.contains(end) && told.contains(other), "{told}");
+        }
+        beyond(|_, _| true).unwrap();
     }
 
     #[test]

@@ -2,13 +2,16 @@
 
 mod approach1;
 mod judge;
+mod single_runs;
 #[cfg(test)]
 mod tests;
 
-pub use approach1::{FrontierPoint, approach1, frontier};
+pub use approach1::approach1;
 pub use judge::sensitivity_row;
+pub use single_runs::{FrontierPoint, frontier};
 
 use self::judge::{admissible, interval_parts, judge, sensitivity};
+use self::single_runs::losses_tell;
 use crate::laws::advice::advise;
 use crate::laws::file::{HeldOut, IntervalPart, LawKind, Laws};
 use crate::laws::input::{
@@ -241,12 +244,13 @@ fn unfitted(
 ///
 /// # Errors
 /// [`FitError::BadValue`], [`FitError::BadLoss`], [`FitError::Metrics`] and [`FitError::BadOption`] for
-/// wrong input, [`FitError::NotIdentified`] if the rows cannot determine the coefficients.
+/// wrong input, [`FitError::NotIdentified`] if the rows cannot determine the coefficients, or tell no law.
 pub fn fit_parametric(
     points: &[IsoFlopPoint],
     options: &ParametricOptions,
 ) -> Result<Parametric, FitError> {
     let (own, findings) = fitted(points, options)?;
+    losses_tell(points)?;
     let size = options.form.quantities()[0];
     let of_rows = own.influence.as_ref().map(|influence| influence.sentence(size));
     let warnings = findings.iter().map(Finding::sentence).chain(of_rows).collect();

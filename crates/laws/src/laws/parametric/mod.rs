@@ -165,7 +165,8 @@ fn summarised(
     replicates: &Replicates,
     influence: Option<Influence>,
 ) -> Parametric {
-    let coefficients = target.coefficients(&found.end.theta);
+    let coefficients = without_absent(target, target.coefficients(&found.end.theta));
+    let has_all_terms = (0..target.form.n_terms()).all(|term| coefficients.coefficient(term) > 0.0);
     let total: f64 = target.data.weights.iter().sum();
     let objective = match target.space {
         Space::Log => found.end.minimised.value,
@@ -193,7 +194,7 @@ fn summarised(
         replicates_converged: replicates.converged,
         bootstrap: replicates.coefficients.clone(),
         warnings: Vec::new(),
-        influence,
+        influence: influence.filter(|_| has_all_terms),
     }
 }
 
@@ -243,20 +244,41 @@ fn findings(
 }
 
 fn terms(target: &Target, coefficients: &Coefficients) -> Vec<Finding> {
-    let losses = &target.data.losses;
-    let typical = losses.iter().map(|l| l.abs()).sum::<f64>() / losses.len() as f64;
     let mut all = Vec::new();
     for (term, quantity) in target.form.quantities().iter().enumerate() {
         let exponent = coefficients.exponent(term);
-        let size = coefficients.coefficient(term) * (-exponent * target.data.means[term]).exp();
-        if size < ABSENT * typical {
+        if is_absent(target, coefficients, term) {
             all.push(Finding::TermAbsent(quantity));
         } else if target.bounds.contains(&exponent) {
             all.push(Finding::AtBound(quantity, exponent));
         }
     }
+    let typical = typical(target);
     all.extend((coefficients.floor().abs() < ABSENT * typical).then_some(Finding::NoFloor));
     all
+}
+
+/// The mean size of a loss.
+fn typical(target: &Target) -> f64 {
+    let losses = &target.data.losses;
+    losses.iter().map(|l| l.abs()).sum::<f64>() / losses.len() as f64
+}
+
+fn is_absent(target: &Target, coefficients: &Coefficients, term: usize) -> bool {
+    let of_mean = (-coefficients.exponent(term) * target.data.means[term]).exp();
+    coefficients.coefficient(term) * of_mean < ABSENT * typical(target)
+}
+
+/// The coefficients, with 0 for an absent term of the model or of the data: without one there is no optimum. The
+/// optimum of the others stands without the term of N_v.
+fn without_absent(target: &Target, coefficients: Coefficients) -> Coefficients {
+    let mut values = coefficients.values().to_vec();
+    for (term, quantity) in target.form.quantities().iter().enumerate() {
+        if *quantity != "N_v" && is_absent(target, &coefficients, term) {
+            values[1 + term] = 0.0;
+        }
+    }
+    Coefficients::new(target.form, &values).unwrap_or(coefficients)
 }
 
 fn few_rows(target: &Target, replicates: &Replicates) -> Option<Finding> {

@@ -233,10 +233,12 @@ fn a_loss_that_does_not_fall_with_a_quantity_says_so() {
     let laws = parametric_laws(&runs, fit, "flat", "6nd");
     let doubts = laws.answer().doubts;
     assert!(doubts.iter().any(|doubt| doubt.what.contains("of N is not identified")));
+    // No optimum is made of a term that the fit does without.
+    assert!(laws.power_laws.tokens.is_none() && laws.answer().exponents.is_undetermined());
     // No loss at all to explain.
     runs.iter_mut().for_each(|run| run.loss = 2.0);
-    let flat = fit_parametric(&runs, &without_intervals(Form::Approach3)).unwrap();
-    assert!(!flat.warnings.is_empty(), "{flat:?}");
+    let flat = fit_parametric(&runs, &without_intervals(Form::Approach3)).unwrap_err();
+    assert!(flat.to_string().contains("all 56 losses are 2"), "{flat}");
 }
 
 #[test]

@@ -12,7 +12,8 @@ use super::clips::{CaptionSource, Clip, Clips, line};
 use super::options::{ImportError, Skeleton};
 use crate::data::npy::npy_bytes;
 use crate::data::{FPS, MotionSource, Procedural, Split, StatsAccumulator};
-use crate::files::{FileError, atomic::PARTIAL};
+use crate::files::FileError;
+use crate::files::atomic::{PARTIAL, with_digest};
 use crate::motion::{N_FEATURES, N_JOINTS, canonicalise, features_of_canonical_at};
 
 /// The file that marks a folder of this command.
@@ -138,8 +139,8 @@ fn fill(clips: &Clips, to: &Path) -> Result<Vec<String>, FileError> {
     put("train_val.txt", ids(&[Split::Train, Split::Val]).as_bytes())?;
     put("all.txt", ids(&Split::ALL).as_bytes())?;
     put("manifest.csv", manifest(&clips.clips).as_bytes())?;
-    let document = serde_json::to_string_pretty(clips).unwrap_or_default();
-    put(MARK, (document + "\n").as_bytes())?;
+    let document = with_digest(clips).map_err(FileError::write(&to.join(MARK)))?;
+    put(MARK, &document)?;
     Ok(told)
 }
 
