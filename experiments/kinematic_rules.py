@@ -11,13 +11,21 @@ The thresholds were chosen on `isoflop data synth --seed 7 --clips 12000` and ar
     python3 experiments/kinematic_rules.py score true made
 
 `score` prints how many true motions of one action pass the rule of their caption, and how many motions of other
-captions pass it. For each folder of generated motions it prints how many pass the rule of their caption (and by
-which other rules the rest pass), the rate by rules of the other fifteen captions, which is chance, and how many
+captions pass it. For each further folder it prints how many motions pass the rule of their caption (and by which
+other rules the rest pass), the rate by the rules of the other fifteen captions, which is chance, and how many
 last longer than any true motion of the caption. Intervals are Wilson's, 95 %. It needs numpy and half a minute.
+
+What the tokenizer alone keeps of the first eight true motions of each action:
+
+    python3 experiments/kinematic_rules.py pick true picked
+    isoflop tokenize --run results/lg-tok-nano --out codes picked/*.npy
+    isoflop detokenize --run results/lg-tok-nano --out kept codes/*.json
+    python3 experiments/kinematic_rules.py score true kept
 """
 
 import json
 import re
+import shutil
 import sys
 from collections import Counter
 from functools import partial
@@ -241,15 +249,17 @@ for side, (word, other) in enumerate([("left", "right"), ("right", "left")]):
 
 
 class Clip(NamedTuple):
+    name: str
     captions: list
     seconds: float
     passes: dict
 
 
-def clip(captions, path):
+def clip(path, captions=()):
     joints = np.load(path)
     measures = measure(joints)
-    return Clip(captions, len(joints) / FPS, {a: bool(ACTIONS[a].rule(measures)) for a in ACTIONS})
+    passes = {a: bool(ACTIONS[a].rule(measures)) for a in ACTIONS}
+    return Clip(path.stem, captions, len(joints) / FPS, passes)
 
 
 def true_clips(folder):
@@ -259,16 +269,44 @@ def true_clips(folder):
     for path in sorted(Path(folder, "texts").glob("*.txt")):
         captions = [line.split("#")[0] for line in path.read_text("utf8").splitlines()]
         if not any(joins.search(within.sub("", caption)) for caption in captions):
-            yield clip(captions, Path(folder, "new_joints", f"{path.stem}.npy"))
+            yield clip(Path(folder, "new_joints", f"{path.stem}.npy"), captions)
+
+
+def naming(action, clips):
+    """Whether a caption of each clip names the action."""
+    return [any(re.search(ACTIONS[action].named, text) for text in c.captions) for c in clips]
+
+
+def leaving_open(action, clips):
+    """Whether no caption of each clip tells if it holds the action."""
+    return [all(re.search(ACTIONS[action].open, text) for text in c.captions) for c in clips]
+
+
+def by_action(clips):
+    return {a: [c for c, own in zip(clips, naming(a, clips)) if own] for a in ACTIONS}
 
 
 def made_clips(folder):
-    """The clips that `isoflop generate` made of the sixteen captions, by action."""
-    by_action = {a: [] for a in ACTIONS}
-    for i, made in enumerate(json.loads(Path(folder, "motions.json").read_text("utf8"))):
-        [action] = [a for a in ACTIONS if caption(a) == made["caption"]]
-        by_action[action].append(clip([made["caption"]], Path(folder, f"{i}.joints.npy")))
-    return by_action
+    """The clips that `isoflop generate` made of the sixteen captions, or `detokenize` of picked motions."""
+    listed = Path(folder, "motions.json")
+    if not listed.exists():
+        return {a: [clip(path) for path in sorted(Path(folder).glob(file_of(a, "*") + ".joints.npy"))] for a in ACTIONS}
+    made = [motion["caption"] for motion in json.loads(listed.read_text("utf8"))]
+    paths = {a: [Path(folder, f"{i}.joints.npy") for i, text in enumerate(made) if text == caption(a)] for a in ACTIONS}
+    return {a: [clip(path) for path in paths[a]] for a in ACTIONS}
+
+
+def pick(folder, out):
+    """Copies the first eight true motions of each action as features with captions, for `isoflop tokenize`."""
+    Path(out).mkdir(parents=True)
+    for a, clips in by_action(list(true_clips(folder))).items():
+        for i, c in enumerate(clips[:8]):
+            shutil.copy(Path(folder, "new_joint_vecs", f"{c.name}.npy"), Path(out, file_of(a, i) + ".npy"))
+            shutil.copy(Path(folder, "texts", f"{c.name}.txt"), Path(out, file_of(a, i) + ".txt"))
+
+
+def file_of(action, i):
+    return f"{action.replace(' ', '-')}-{i}"
 
 
 def caption(action):
@@ -286,9 +324,9 @@ def rate(answers):
     return f"{k} of {n}, {100 * k / n:.1f} % ({low:.1f} to {high:.1f})"
 
 
-def print_all(by_action):
+def print_all(found):
     """Prints how many motions pass the rule of their caption, and how many those of the other captions."""
-    pairs = [(a, b, c.passes[b]) for a, clips in by_action.items() for c in clips for b in ACTIONS]
+    pairs = [(a, b, c.passes[b]) for a, clips in found.items() for c in clips for b in ACTIONS]
     other = np.mean([passes for a, b, passes in pairs if a != b])
     print(f"{'all':14} {rate([passes for a, b, passes in pairs if a == b])}; other captions' rules {100 * other:.1f} %")
 
@@ -296,32 +334,31 @@ def print_all(by_action):
 def score_true(folder):
     """Prints the rates of true motions; returns them by action."""
     clips = list(true_clips(folder))
-    named = {a: [any(re.search(ACTIONS[a].named, text) for text in c.captions) for c in clips] for a in ACTIONS}
-    by_action = {a: [c for c, own in zip(clips, named[a]) if own] for a in ACTIONS}
+    true = by_action(clips)
     print(f"{len(clips)} true motions of one action\n{'rule':14} {'of its own caption':34} of other captions")
-    for a, own in by_action.items():
-        is_open = [all(re.search(ACTIONS[a].open, text) for text in c.captions) for c in clips]
-        others = [c.passes[a] for c, x, y in zip(clips, named[a], is_open) if not x and not y]
-        shares = {b: np.mean([c.passes[a] for c in by_action[b]]) for b in ACTIONS if b != a}
+    for a, own in true.items():
+        known = zip(clips, naming(a, clips), leaving_open(a, clips))
+        others = [c.passes[a] for c, names, leaves_open in known if not names and not leaves_open]
+        shares = {b: np.mean([c.passes[a] for c in true[b]]) for b in ACTIONS if b != a}
         worst = max(shares, key=shares.get)
         told = f"; {100 * shares[worst]:.0f} % of {worst}" if shares[worst] else ""
         print(f"{a:14} {rate([c.passes[a] for c in own]):34} {rate(others)}{told}")
-    fewest = min(map(len, by_action.values()))
+    fewest = min(map(len, true.values()))
     print(f"the first {fewest} of each:")
-    print_all({a: own[:fewest] for a, own in by_action.items()})
-    return by_action
+    print_all({a: own[:fewest] for a, own in true.items()})
+    return true
 
 
 def score_made(folder, true):
     """Prints the rates of generated motions."""
     print(f"\n{folder}")
-    by_action, too_long = made_clips(folder), []
-    for a, clips in by_action.items():
+    made, too_long = made_clips(folder), []
+    for a, clips in made.items():
         too_long += [c.seconds > max(t.seconds for t in true[a]) for c in clips]
         instead = Counter(b for c in clips if not c.passes[a] for b in ACTIONS if c.passes[b])
         told = "".join(f", {n} by {b}" for b, n in instead.most_common())
         print(f"{a:14} {sum(c.passes[a] for c in clips)} of {len(clips)}{told}")
-    print_all(by_action)
+    print_all(made)
     print(f"{'too long':14} {rate(too_long)}: longer than any true motion of their caption")
 
 
@@ -329,12 +366,14 @@ def main(words):
     match words:
         case ["captions"]:
             print("\n".join(map(caption, ACTIONS)))
+        case ["pick", true, out]:
+            pick(true, out)
         case ["score", true, *made]:
-            by_action = score_true(true)
+            found = score_true(true)
             for folder in made:
-                score_made(folder, by_action)
+                score_made(folder, found)
         case _:
-            sys.exit("usage: kinematic_rules.py captions, or kinematic_rules.py score TRUE [MADE ...]")
+            sys.exit("usage: kinematic_rules.py captions | pick TRUE OUT | score TRUE [MADE ...]")
 
 
 if __name__ == "__main__":
