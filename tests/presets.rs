@@ -2,7 +2,7 @@
 
 use isoflop::data::DataFacts;
 use isoflop::plan::Plan;
-use isoflop::spec::{CodebookSpec, QuantizerSpec};
+use isoflop::spec::{CodebookSpec, QuantizerSpec, SamplingSpec};
 use isoflop::sweep::{self, Sweep, presets};
 
 fn read(name: &str) -> Result<Sweep, sweep::SweepErrors> {
@@ -57,6 +57,26 @@ fn lg_tok_has_its_published_codes() {
         assert_eq!((quantizer.mix, quantizer.beta), (None, 1.0), "two convolutions with ReLU");
         assert_eq!(quantizer.cosine, name != "mosa");
     }
+}
+
+/// The likeliest tenth of 512 codes is 52, and MoMask's scale of 4 a guidance of 3; a preset's ids do not depend on its sampling.
+#[test]
+fn motions_of_presets_are_sampled_as_their_authors_do() {
+    let of = |name| read(name).unwrap_or_else(|errors| panic!("{errors}")).sampling;
+    let lg_tok = of("lg-tok");
+    assert_eq!([lg_tok.guidance, lg_tok.detokenizer_guidance], [4.0, 2.0]);
+    assert_eq!((lg_tok.top_p, lg_tok.top_k), (Some(0.95), None));
+    assert_eq!([of("lg-tok-mid"), of("lg-tok-mini")], [lg_tok.clone(), lg_tok]);
+    for name in ["momask", "momask-lg"] {
+        let own = of(name);
+        assert_eq!((own.guidance, own.top_k, own.top_p, own.rounds), (3.0, Some(52), None, 18));
+    }
+    assert_eq!(of("scamo"), SamplingSpec::default());
+    let plain = sweep::read("momask".as_ref(), &["sampling={rounds: 3}".into()]);
+    let plain = plain.unwrap_or_else(|errors| panic!("{errors}"));
+    let id =
+        |sweep: &Sweep| Plan::new(sweep, DataFacts::absent(String::new())).runs[0].run_id.clone();
+    assert_eq!(id(&plain), id(&planned("momask").0));
 }
 
 /// The budget buys the passes over the data that the paper made: 500 epochs of 23384 clips.

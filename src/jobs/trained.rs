@@ -84,6 +84,13 @@ impl TrainedRun {
         Ok(self.encoder.encode(&as_in_data(caption))?)
     }
 
+    /// Words that stand in no caption of the training split; none where the captions' file is gone, or of an older
+    /// version.
+    pub fn unseen_words(&self, captions: &[String]) -> Vec<String> {
+        let file = self.folder.text(&self.spec.text_id);
+        text::unseen_words(&file, captions).ok().flatten().unwrap_or_default()
+    }
+
     /// Makes a motion of each prompt, all at once.
     ///
     /// # Errors
@@ -102,8 +109,8 @@ impl TrainedRun {
         self.sampler.sample(prompts, &self.tokenizer, sampling)
     }
 
-    /// The same decoded; `detokenizer_guidance` sets how closely a tokenizer with language follows the captions, which of an
-    /// edited motion only the part reads.
+    /// The same decoded; `detokenizer_guidance` sets how closely a tokenizer with language follows the captions, which of
+    /// an edited motion only the part reads.
     ///
     /// # Errors
     /// As [`TrainedRun::sample`] and [`Tokenizer::decode`].

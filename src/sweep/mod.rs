@@ -37,6 +37,7 @@ use serde_yaml::{Mapping, Value};
 
 use crate::files::{FileError, read_yaml_if_there};
 use check::{check, engine};
+use crate::spec::ScoresSpec;
 use presets::Layers;
 use problem::nearest;
 use typed::{RemovedEntries, typed};
@@ -113,7 +114,13 @@ fn check_all(mut value: Value, settings: &[String]) -> Result<Sweep, Vec<Problem
         variants::remove(&mut value, path);
         removed.note(path.clone());
     }
+    let given = value.get("scores").cloned().unwrap_or_default();
     let sweep: Option<Sweep> = typed(value, &mut removed, &mut problems);
+    let sweep = sweep.map(|sweep| {
+        let sampled =
+            |own: ScoresSpec| own.sampled_by(&sweep.sampling, |key| given.get(key).is_some());
+        Sweep { scores: sweep.scores.clone().map(sampled), ..sweep }
+    });
     if let Some(sweep) = &sweep {
         problems.extend(check(sweep).into_iter().filter_map(|problem| led_back(problem, &removed)));
     }
@@ -158,6 +165,22 @@ mod tests {
     fn errors(text: &str, settings: &[&str]) -> SweepErrors {
         let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
         parse("sweep.yaml", text, &settings).expect_err("something is wrong")
+    }
+
+    #[test]
+    fn scores_take_the_sampling_of_the_sweep_for_keys_that_they_leave_out() {
+        let text = "name: a\ngrid: {models: scamo, vocab: [64], budgets: [1e18]}\nevaluator: {}\n\
+                    sampling: {guidance: 4, top_p: 0.9, rounds: 18}\n";
+        let read = |scores: &str| parse("a.yaml", &format!("{text}{scores}"), &[]).expect("right");
+        let sweep = read("scores: {guidance: 0, repeats: 3}\n");
+        let scores = sweep.scores.clone().expect("a section");
+        assert_eq!((scores.guidance, scores.repeats), (0.0, 3), "its own");
+        assert_eq!((scores.top_p, scores.rounds, scores.temperature), (Some(0.9), 18, 1.0));
+        let again = serde_yaml::to_string(&sweep).expect("YAML");
+        assert_eq!(parse("a.yaml", &again, &[]).expect("right"), sweep, "as it is kept");
+        assert_eq!(read("").scores, None, "sampling scores nothing");
+        let wrong = errors(&text.replace("0.9", "9"), &[]).to_string();
+        assert!(wrong.contains("9 is out of range") && wrong.contains("sweep.yaml:4"), "{wrong}");
     }
 
     #[test]

@@ -62,8 +62,9 @@ impl<'a> Edits<'a> {
         motions.map(|(n, motion)| (codes(motion), pose(n))).collect()
     }
 
-    /// Holds an edit to its promise: frames more than half a second away from the part are those of the reconstruction, or
-    /// with `--paste` the motion's own, and the part is another. Returns the codes that were drawn anew, in either motion.
+    /// Holds an edit to its promise: frames more than half a second away from the part are those of the reconstruction,
+    /// or with `--paste` the motion's own, and the part is another. Returns the codes that were drawn anew, in either
+    /// motion.
     fn hold(&self, span: &str, part: Range<usize>) -> Vec<usize> {
         let outside = |t: usize| t + FADE < part.start || t >= part.end + FADE;
         let mut drawn = Vec::new();
@@ -125,8 +126,8 @@ fn an_edit_moves_no_frame_half_a_second_away_of_several_layers() {
     assert!(drawn.iter().all(inside) && drawn.iter().any(|i| *i > 60), "{drawn:?}");
 }
 
-/// Scales of 1, 8 and 20 codes for 30 latents, of which the part has 10 to 19. A code of eight adds to 7 or 8 latents, and none
-/// of them to latents of the part alone; of twenty codes 7 to 12 do.
+/// Scales of 1, 8 and 20 codes for 30 latents, of which the part has 10 to 19. A code of eight adds to 7 or 8 latents,
+/// and none of them to latents of the part alone; of twenty codes 7 to 12 do.
 #[test]
 fn an_edit_moves_no_frame_half_a_second_away_of_several_scales() {
     let place = Place::with("generators.yaml");

@@ -69,6 +69,20 @@ fn motions_of_captions_are_written_whole_and_repeat() {
 }
 
 #[test]
+fn a_sweep_says_how_its_motions_are_sampled_by_default() {
+    let place = Place::with("mini.yaml");
+    let sampling = ["--set", "sampling={temperature: 0, guidance: 3, detokenizer_guidance: 2}"];
+    place.isoflop(&[&["run", "mini.yaml"][..], &sampling].concat()).exits(0);
+    let codes = |more: &[&str]| {
+        let more = [&["--out", "a", "--overwrite", "--frames", "60"], more].concat();
+        made(&place, "results/mini", &more)[0]["codes"].clone()
+    };
+    let likeliest = codes(&[]);
+    assert_eq!(codes(&["--seed", "1"]), likeliest);
+    assert_ne!(codes(&["--seed", "1", "--temperature", "9"]), likeliest);
+}
+
+#[test]
 fn what_cannot_be_made_is_told() {
     let place = Place::with("mini.yaml");
     place.isoflop(&["run", "mini.yaml"]).exits(0);
@@ -83,7 +97,9 @@ fn what_cannot_be_made_is_told() {
     refused(&["walk", "--run", "results/mini", "--frames", "3"], "ask for at least 4 frames");
     refused(&["walk", "--run", "results/mini", "--guidance", "2"], "every caption");
     refused(&["walk", "--run", "results/mini", "--temperature=-1"], "not a number from 0 on");
-    place.isoflop(&["generate", "walk", "--run", "results/mini"]).exits(0);
+    let words = ["generate", "cartwheel", "Lasso, cartwheel", "--run", "results/mini"];
+    let told = "\"cartwheel\" and \"lasso\" stand in no training caption";
+    place.isoflop(&words).exits(0).says(told);
     refused(&["walk", "--run", "results/mini"], "holds motions already");
     place.isoflop(&["generate", "walk", "--run", "results/mini", "--overwrite"]).exits(0);
     let run = place.names("results/mini/runs").remove(0);

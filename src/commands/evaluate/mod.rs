@@ -13,7 +13,7 @@ use isoflop::ops::DeviceName;
 use isoflop::scores::{
     Embeddings, MotionScores, POOL, Repeated, cosine_score, diversity, frechet_distance, retrieval,
 };
-use isoflop::spec::ScoresSpec;
+use isoflop::spec::{SamplingSpec, ScoresSpec};
 use motions::{NamedMotion, named_motions};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -39,14 +39,14 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..))]
     pub repeats: u16,
     /// Strength of classifier-free guidance; not for `autoregressive`
-    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative, requires = "run")]
-    pub guidance: f64,
+    #[arg(long, value_name = "S", value_parser = not_negative, requires = "run")]
+    pub guidance: Option<f64>,
     /// Strength of caption guidance in decoding, for a tokenizer with language
-    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative, requires = "run")]
-    pub detokenizer_guidance: f64,
+    #[arg(long, value_name = "S", value_parser = not_negative, requires = "run")]
+    pub detokenizer_guidance: Option<f64>,
     /// Divisor of the logits; 0 takes the likeliest code
-    #[arg(long, value_name = "T", default_value_t = 1.0, value_parser = not_negative, requires = "run")]
-    pub temperature: f64,
+    #[arg(long, value_name = "T", value_parser = not_negative, requires = "run")]
+    pub temperature: Option<f64>,
     /// Draw among the likeliest codes whose probabilities sum to this
     #[arg(long, value_name = "P", value_parser = share, requires = "run")]
     pub top_p: Option<f64>,
@@ -62,16 +62,16 @@ pub struct EvaluateArgs {
 }
 
 impl EvaluateArgs {
-    /// How a run's motions are made and scored.
-    pub fn spec(&self) -> ScoresSpec {
-        let default = ScoresSpec::default();
+    /// How a run's motions are made and scored, over the sampling of its sweep.
+    pub fn spec(&self, sampling: &SamplingSpec) -> ScoresSpec {
+        let default = ScoresSpec::default().sampled_by(sampling, |_| false);
         let captions = if self.no_multimodality { 0 } else { default.multimodal_captions };
         ScoresSpec {
             repeats: usize::from(self.repeats),
-            guidance: self.guidance,
-            detokenizer_guidance: self.detokenizer_guidance,
-            temperature: self.temperature,
-            top_p: self.top_p,
+            guidance: self.guidance.unwrap_or(default.guidance),
+            detokenizer_guidance: self.detokenizer_guidance.unwrap_or(default.detokenizer_guidance),
+            temperature: self.temperature.unwrap_or(default.temperature),
+            top_p: self.top_p.or(default.top_p),
             multimodal_captions: captions,
             seed: self.seed,
             ..default
@@ -92,7 +92,7 @@ fn of_run(args: &EvaluateArgs, run: &Path, output: &Output) -> Result<Exit> {
     let run = TrainedRun::open(run, &device)?;
     let evaluator = args.evaluator.as_deref().unwrap_or(run.folder.root());
     let trusted = TrustedEvaluator::open(evaluator, &device)?;
-    let (truth, spec) = (trusted.truth()?, args.spec());
+    let (truth, spec) = (trusted.truth()?, args.spec(&run.folder.sweep()?.sampling));
     let scoring = Scoring::new(&run, &trusted.evaluator, &truth, &spec)?;
     let mut repeats: Vec<OneScore> = Vec::new();
     for index in 0..spec.repeats {

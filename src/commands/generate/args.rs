@@ -5,6 +5,7 @@ use crate::commands::context::device;
 use crate::commands::prelude::*;
 use crate::commands::tokenize::lines_of;
 use isoflop::generator::{Draw, Sampling};
+use isoflop::jobs::TrainedRun;
 use isoflop::ops::DeviceName;
 use std::ops::Range;
 
@@ -38,8 +39,8 @@ pub struct GenerateArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: Option<u32>,
     /// Divisor of the logits; 0 takes the likeliest code
-    #[arg(long, value_name = "T", default_value_t = 1.0, value_parser = not_negative)]
-    pub temperature: f64,
+    #[arg(long, value_name = "T", value_parser = not_negative)]
+    pub temperature: Option<f64>,
     /// Draw among the likeliest K codes
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     pub top_k: Option<u32>,
@@ -47,14 +48,14 @@ pub struct GenerateArgs {
     #[arg(long, value_name = "P", value_parser = share)]
     pub top_p: Option<f64>,
     /// Strength of classifier-free guidance; `scalewise` raises it to this at its last scale
-    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
-    pub guidance: f64,
+    #[arg(long, value_name = "S", value_parser = not_negative)]
+    pub guidance: Option<f64>,
     /// Strength of caption guidance in decoding, for a tokenizer with language
-    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
-    pub detokenizer_guidance: f64,
+    #[arg(long, value_name = "S", value_parser = not_negative)]
+    pub detokenizer_guidance: Option<f64>,
     /// `masked`: decoding rounds; each keeps the surest codes
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
-    pub rounds: u16,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub rounds: Option<u16>,
     /// A motion (.npy or .bvh) to edit: the part given by --anew is generated again
     #[arg(long, value_name = "FILE", requires = "anew")]
     pub edit: Option<PathBuf>,
@@ -94,11 +95,25 @@ impl GenerateArgs {
         seconds.or(self.frames.map(|frames| frames as usize))
     }
 
-    /// The sampling options.
-    pub fn sampling(&self) -> Sampling {
-        let top_k = self.top_k.map(|k| k as usize);
-        let draw = Draw { temperature: self.temperature, top_k, top_p: self.top_p };
-        Sampling { draw, guidance: self.guidance, rounds: usize::from(self.rounds) }
+    /// The sampling options over those of the run's sweep, and the guidance of the detokenizer. Guidance that only the
+    /// sweep names is left out where the run has none.
+    ///
+    /// # Errors
+    /// The sweep cannot be read.
+    pub fn sampling(&self, run: &TrainedRun) -> Result<(Sampling, f64)> {
+        let sweep = run.folder.sweep()?.sampling;
+        let has_language = run.tokenizer.spec().architecture.language().is_some();
+        let of_sweep = |is_taken, guidance| if is_taken { guidance } else { 0.0 };
+        let draw = Draw {
+            temperature: self.temperature.unwrap_or(sweep.temperature),
+            top_k: self.top_k.map(|k| k as usize).or(sweep.top_k),
+            top_p: self.top_p.or(sweep.top_p),
+        };
+        let guidance = of_sweep(run.takes_guidance(), sweep.guidance);
+        let rounds = self.rounds.map_or(sweep.rounds, usize::from);
+        let sampling = Sampling { draw, guidance: self.guidance.unwrap_or(guidance), rounds };
+        let detokenizer = of_sweep(has_language, sweep.detokenizer_guidance);
+        Ok((sampling, self.detokenizer_guidance.unwrap_or(detokenizer)))
     }
 }
 

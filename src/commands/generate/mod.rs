@@ -37,13 +37,14 @@ pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
         return times::times(args, &run, output);
     }
     let has_language = run.tokenizer.spec().architecture.language().is_some();
-    if args.detokenizer_guidance > 0.0 && !has_language {
+    if args.detokenizer_guidance.is_some_and(|strength| strength > 0.0) && !has_language {
         bail!("the run's tokenizer has no language that --detokenizer-guidance could follow");
     }
     let out = folder(args, &run)?;
     let source =
         args.edit.as_ref().map(|path| Source::read(path, args, &run, output)).transpose()?;
     let orders = orders(args, &run, source.as_ref())?;
+    warn_of_words(&args.all_captions()?, &run, output);
     let started = Instant::now();
     let made = make(args, &run, &orders, source.as_ref())?;
     let made_s = started.elapsed().as_secs_f64();
@@ -63,6 +64,20 @@ fn folder(args: &GenerateArgs, run: &TrainedRun) -> Result<PathBuf> {
 }
 
 const MOTIONS: &str = "motions.json";
+
+/// Warns of words that training never showed.
+fn warn_of_words(captions: &[String], run: &TrainedRun, output: &Output) {
+    let words: Vec<String> =
+        run.unseen_words(captions).iter().map(|word| format!("\"{word}\"")).collect();
+    match words.split_last() {
+        None => {}
+        Some((word, [])) => output.warn(&format!("{word} stands in no training caption")),
+        Some((last, others)) => {
+            let others = others.join(", ");
+            output.warn(&format!("{others} and {last} stand in no training caption"));
+        }
+    }
+}
 
 /// The requested motions: some per caption.
 fn orders(args: &GenerateArgs, run: &TrainedRun, source: Option<&Source>) -> Result<Vec<Order>> {
@@ -90,6 +105,7 @@ fn make(
     orders: &[Order],
     source: Option<&Source>,
 ) -> Result<Vec<MadeMotion>> {
+    let (sampling, detokenizer_guidance) = args.sampling(run)?;
     let mut made = Vec::with_capacity(orders.len());
     for batch in orders.chunks(BATCH) {
         let prompts = batch.iter().map(|order| Prompt {
@@ -100,7 +116,7 @@ fn make(
             edit: source.map(Source::edit),
         });
         let prompts: Vec<Prompt> = prompts.collect();
-        let motions = run.motions(&prompts, &args.sampling(), args.detokenizer_guidance)?;
+        let motions = run.motions(&prompts, &sampling, detokenizer_guidance)?;
         made.extend(motions.into_iter().map(|MadeMotion { sampled, features }| {
             let joined = source.map(|source| source.joined(&features, run.spec.fps));
             MadeMotion { sampled, features: joined.unwrap_or(features) }

@@ -45,11 +45,12 @@ pub fn times(args: &GenerateArgs, run: &TrainedRun, output: &Output) -> Result<E
     let vectors = run.embed(caption)?;
     let fps = run.spec.fps;
     let n_frames = args.n_frames(fps).unwrap_or((SECONDS * fps).round() as usize);
-    let asked = if args.guidance > 0.0 { args.guidance } else { GUIDANCE };
+    let asked = args.guidance.filter(|guidance| *guidance > 0.0).unwrap_or(GUIDANCE);
     let guidances = if run.takes_guidance() { vec![0.0, asked] } else { vec![0.0] };
+    let (sampling, _) = args.sampling(run)?;
     let mut all = Vec::new();
     for &guidance in &guidances {
-        let sampling = Sampling { guidance, ..args.sampling() };
+        let sampling = Sampling { guidance, ..sampling };
         let mut before_s = 0.0;
         for batch in BATCHES {
             if before_s * batch as f64 > LONGEST_S {

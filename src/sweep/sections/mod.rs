@@ -17,8 +17,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::laws::MinimumMethod::{self, Argmin, Cubic, Parabola, Surface};
 use crate::spec::{
-    DataSection, DataSource, EvaluatorSection, FlopsRule, QuantizerSpec, ScoresSpec, TextSpec,
-    TokenizerSection, VocabularyError,
+    DataSection, DataSource, EvaluatorSection, FlopsRule, QuantizerSpec, SamplingSpec, ScoresSpec,
+    TextSpec, TokenizerSection, VocabularyError,
 };
 use crate::units::number::{self, Written, plain};
 use crate::units::{Ways, section};
@@ -78,6 +78,9 @@ pub struct Sweep {
     /// The evaluator of motions; if absent, none is trained.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub evaluator: Option<EvaluatorSection>,
+    /// How motions are made by default.
+    #[serde(default, skip_serializing_if = "number::is_default")]
+    pub sampling: SamplingSpec,
     /// The runs to score, and how; if absent, none is scored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scores: Option<ScoresSpec>,

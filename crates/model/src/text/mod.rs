@@ -20,7 +20,7 @@ mod store;
 use crate::spec::{TextEncoderKind, TextSpec};
 
 pub use embedding_file::{EmbeddingFile, caption_key};
-pub use store::{TextEncoder, TextError, TextStore, embed};
+pub use store::{TextEncoder, TextError, TextStore, embed, unseen_words};
 
 /// The encoder of a sweep.
 ///

@@ -3,9 +3,10 @@
 //!
 //! Columns: `embeddings` (f32), `words` (u64, the start of each distinct caption, in words, and the end), and for each
 //! split `<split>.captions` (u32, distinct captions, clip by clip) and `<split>.offsets` (u64, the start of each clip's
-//! captions, and the end); `dim` in the metadata.
+//! captions, and the end); `training_words` (u64, sorted, a hash of each word of the captions of the training split;
+//! files of older versions have none); `dim` in the metadata.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 use crate::data::{MotionSource, Split};
@@ -118,13 +119,51 @@ pub fn embed(
     let (distinct, splits) = captions_of(source);
     let (embeddings, words) = vectors_of(encoder, &distinct)?;
     encoder.unchanged()?;
-    let mut all = vec![NewColumn::new("embeddings", &embeddings), NewColumn::new("words", &words)];
+    let shown = splits[Split::Train as usize].0.iter().map(|&id| &distinct[id as usize]);
+    let known: BTreeSet<u64> = shown.flat_map(|caption| words_of(caption)).map(hash).collect();
+    let known = Vec::from_iter(known);
+    let mut all = vec![
+        NewColumn::new("embeddings", &embeddings),
+        NewColumn::new("words", &words),
+        NewColumn::new(TRAINING_WORDS, &known),
+    ];
     for (split, (captions, offsets)) in Split::ALL.iter().zip(&splits) {
         all.push(NewColumn::new(format!("{}.captions", split.name()), captions));
         all.push(NewColumn::new(format!("{}.offsets", split.name()), offsets));
     }
     let notes = HashMap::from([("dim".to_string(), encoder.dim().to_string())]);
     Ok(columns::write(path, &all, notes)?)
+}
+
+// Words of captions, in lower case.
+
+const TRAINING_WORDS: &str = "training_words";
+
+fn words_of(caption: &str) -> impl Iterator<Item = String> {
+    let words = caption.split(|c: char| !c.is_alphanumeric() && c != '\'');
+    words.filter(|word| !word.is_empty()).map(str::to_lowercase)
+}
+
+/// Of a word, the first 64 bits of its blake3 hash.
+fn hash(word: impl AsRef<str>) -> u64 {
+    let hash = blake3::hash(word.as_ref().as_bytes());
+    u64::from_le_bytes(*hash.as_bytes().first_chunk().expect("32 bytes"))
+}
+
+/// The words of captions that stand in no training caption of the file of [`embed`] at `path`, each once; `None` if an
+/// older version wrote the file.
+///
+/// # Errors
+/// [`FileError::Read`] and [`FileError::Damaged`].
+pub fn unseen_words(path: &Path, captions: &[String]) -> Result<Option<Vec<String>>, FileError> {
+    let Ok(known) = ColumnFile::open(path)?.column::<u64>(TRAINING_WORDS) else { return Ok(None) };
+    let mut unseen = Vec::new();
+    for word in captions.iter().flat_map(|caption| words_of(caption)) {
+        if known.values().binary_search(&hash(&word)).is_err() && !unseen.contains(&word) {
+            unseen.push(word);
+        }
+    }
+    Ok(Some(unseen))
 }
 
 /// Captions of a split, clip by clip, and the start of each clip's, with the end.
@@ -274,10 +313,31 @@ impl TextStore {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::{Procedural, ProceduralOptions};
+    use crate::text::HashedNgrams;
 
     fn missing(n: usize) -> String {
         let captions = (0..n).map(|i| format!("he sits {i}")).collect();
         TextError::Missing { captions, file: "a/b".into() }.to_string()
+    }
+
+    #[test]
+    fn words_that_no_training_caption_has_are_named_once() {
+        let sizes = ProceduralOptions { seed: 0, train_clips: 3, val_clips: 1, test_clips: 1 };
+        let source = Procedural::new(sizes);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("vectors.safetensors");
+        embed(&HashedNgrams::new(4, 9), &source, &path).unwrap();
+        let unseen = |captions: &[String]| unseen_words(&path, captions).unwrap();
+        let shown = source.captions(Split::Train, 1).join(", ").to_uppercase();
+        assert_eq!(unseen(std::slice::from_ref(&shown)), Some(vec![]));
+        let others = [format!("{shown} Cartwheel"), "cartwheel; a lasso's".to_string()];
+        let found = unseen(&others).unwrap();
+        assert_eq!(found.iter().filter(|word| *word == "cartwheel").count(), 1, "{found:?}");
+        assert_eq!(found[0], "cartwheel");
+        assert!(found.contains(&"lasso's".to_string()));
+        columns::write(&path, &[NewColumn::new("words", &[0u64])], HashMap::new()).unwrap();
+        assert_eq!(unseen(&others), None);
     }
 
     #[test]

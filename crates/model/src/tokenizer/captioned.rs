@@ -18,8 +18,8 @@ impl Tokenizer {
         Ok(Some(Captions::of([caption], wanted)))
     }
 
-    /// [`Tokenizer::encode`] of a motion whose caption is not known: a tokenizer with language sees none, as where training
-    /// drops it.
+    /// [`Tokenizer::encode`] of a motion whose caption is not known: a tokenizer with language sees none, as where
+    /// training drops it.
     pub fn encode_uncaptioned(&self, features: &[f32]) -> Vec<u32> {
         self.encode_with(features, Some(&Captions::none(1)))
     }
@@ -36,9 +36,9 @@ impl Tokenizer {
         self.decode_with(ids, n_frames, Some(&Captions::none(1)), 0.0)
     }
 
-    /// [`Tokenizer::decode`] of codes of which a part was drawn for a caption, given for each latent whether it is in the part:
-    /// only the frames of the part read the caption; to all others the detokenizer shows what stands for a dropped one (LG-Tok
-    /// Eq. 7). With `detokenizer: context` all frames read it.
+    /// [`Tokenizer::decode`] of codes of which a part was drawn for a caption, given for each latent whether it is in the
+    /// part: only the frames of the part read the caption; to all others the detokenizer shows what stands for a dropped
+    /// one (LG-Tok Eq. 7). With `detokenizer: context` all frames read it.
     ///
     /// # Errors
     /// As [`Tokenizer::decode`].

@@ -65,8 +65,8 @@ pub use quantizer::{
     index_of_digits, levels_for, n_codes, nominal_sizes,
 };
 pub use run::{
-    Precision, RunSpec, ScoresSpec, Share, ShownCaptions, TRAINING_REVISION, TokenizerJob,
-    TrainerProgram, is_torch,
+    Precision, RunSpec, SamplingSpec, ScoresSpec, Share, ShownCaptions, TRAINING_REVISION,
+    TokenizerJob, TrainerProgram, is_torch,
 };
 pub use tokenizer::{
     ArchitectureSpec, BegunFrom, Codes, ConvolutionalSpec, Detokenizer, LanguagePlace,

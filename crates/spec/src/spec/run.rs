@@ -1,5 +1,5 @@
-//! [`RunSpec`] and [`TokenizerJob`]: the input of workers, with ids; [`ScoresSpec`]: generation and scoring of motions of
-//! runs.
+//! [`RunSpec`] and [`TokenizerJob`]: the input of workers, with ids; [`SamplingSpec`] and [`ScoresSpec`]: generation and
+//! scoring of motions of runs.
 
 use std::collections::BTreeMap;
 
@@ -256,6 +256,25 @@ impl Precision {
 const MOST_SCALED: usize = 4096;
 
 section! {
+    /// The `sampling` section: how motions are made, where `isoflop generate`, `isoflop evaluate` and the section
+    /// `scores` do not say otherwise. No id of a run depends on it.
+    pub struct SamplingSpec {
+        /// Strength of classifier-free guidance; `autoregressive` has none.
+        guidance: f64 = 0.0, 0 to 1e3;
+        /// Strength of caption guidance in decoding, for a tokenizer with language.
+        detokenizer_guidance: f64 = 0.0, 0 to 1e3;
+        /// Divisor of the logits; 0 takes the likeliest code.
+        temperature: f64 = 1.0, 0 to 1e3;
+        /// Codes are drawn among the likeliest so many.
+        top_k: Option<usize> = None, 1 to 16_777_216, unless "Option::is_none";
+        /// Codes are drawn among the likeliest that together hold this share.
+        top_p: Option<f64> = None, 1e-6 to 1, unless "Option::is_none";
+        /// `masked`: rounds in which codes are shown.
+        rounds: usize = 10, 1 to 10_000;
+    }
+}
+
+section! {
     /// The `scores` section: how the motions of a run are made and scored by the sweep's evaluator.
     ///
     /// The numbers of repeats, texts and motions are those of the published tables.
@@ -293,6 +312,20 @@ impl ScoresSpec {
     #[must_use]
     pub fn of_a_run(&self) -> Self {
         Self { only: Vec::new(), ..self.clone() }
+    }
+
+    /// The same with the sampling of a sweep for the keys that its own section leaves out.
+    #[must_use]
+    pub fn sampled_by(mut self, sampling: &SamplingSpec, is_given: impl Fn(&str) -> bool) -> Self {
+        macro_rules! take {
+            ($($key:ident),*) => {$(
+                if !is_given(stringify!($key)) {
+                    self.$key = sampling.$key;
+                }
+            )*};
+        }
+        take!(guidance, detokenizer_guidance, temperature, top_k, top_p, rounds);
+        self
     }
 
     /// Problems that make scoring fail.
