@@ -9,17 +9,19 @@
 //! lines `CASE SECONDS` and answers each by one line of JSON (see [`serve`]).
 
 mod autoregressive;
+mod peak;
 mod scalewise;
 mod tokenizer;
 
 use std::io::{BufRead, Write};
 use std::time::{Duration, Instant};
 
-use burn::tensor::{Device, Distribution, Tensor};
 use criterion::{Criterion, Throughput, criterion_group};
 use isoflop::learn::adamw::{AdamW, AdamWConfig};
 use isoflop::ops::Kernels;
 use nix::sys::resource::{UsageWho, getrusage};
+
+use self::peak::{LIMIT_FLOPS, PRODUCT_FLOPS};
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -97,16 +99,17 @@ fn timed(step: &mut dyn FnMut(), seconds: f64) -> [f64; 2] {
     })
 }
 
-/// A product of two matrices of 1024 x 1024, by burn: what the machine gives at best.
-fn product() -> impl FnMut() {
-    let device = Device::flex();
-    let [a, b] = [(); 2].map(|()| Tensor::<2>::random([1024; 2], Distribution::Default, &device));
-    move || drop(std::hint::black_box(a.clone().matmul(b.clone())))
+/// What a core gives at best, to hold a step's products against: seconds of a call, and its FLOPs.
+fn peak(name: &str, seconds: f64) -> Option<([f64; 2], f64)> {
+    match name {
+        "product" => Some((timed(&mut peak::product(Kernels::Plain), seconds), PRODUCT_FLOPS)),
+        "own-product" => Some((timed(&mut peak::product(Kernels::Own), seconds), PRODUCT_FLOPS)),
+        "limit" => Some((timed(&mut peak::limit()?, seconds), LIMIT_FLOPS)),
+        _ => None,
+    }
 }
 
-const PRODUCT_FLOPS: f64 = 2.0 * (1u64 << 30) as f64;
-
-/// Answers each line `CASE SECONDS` (a case of the table, or `product`) by the processor seconds
+/// Answers each line `CASE SECONDS` (a case of the table, or one of [`peak`]) by the processor seconds
 /// of a step, its seconds by the wall clock, its FLOPs, its supervised tokens and the last loss. What
 /// a case needs is made at its first line and kept.
 fn serve() {
@@ -116,8 +119,8 @@ fn serve() {
         let (name, seconds) = line.split_once(' ').expect("CASE SECONDS");
         let seconds = seconds.parse().expect("seconds are a number");
         let mut loss = 0.0;
-        let ([step_s, wall_s], flops, tokens) = if name == "product" {
-            (timed(&mut product(), seconds), PRODUCT_FLOPS, 0)
+        let ([step_s, wall_s], flops, tokens) = if let Some((times, flops)) = peak(name, seconds) {
+            (times, flops, 0)
         } else {
             let case = cases.iter().find(|case| case.name() == name).expect("a case of the table");
             if !steppers.iter().any(|(made, _)| *made == name) {

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | the forms and their coefficients | `form` |
 //! | objective, gradient, Hessian | `objective` |
+//! | e^x and ln x of several rows at once | `lanes` |
 //! | downhill to the last digit | `newton` |
 //! | points into centred columns under a form | `target` |
 //! | starts by variable projection | `search` |
@@ -13,6 +14,7 @@
 //! | the implied laws | [`parametric_laws`](crate::laws::parametric_laws) |
 
 mod form;
+mod lanes;
 mod law;
 mod newton;
 mod objective;

@@ -6,7 +6,8 @@
 //! function H changes by jumps as rows cross δ; damping takes care of that too.
 //!
 //! It stops once the model promises less than one part in 10^15 of the objective: a relative criterion, so neither
-//! a small δ nor a mean over rows stops it early.
+//! a small δ nor a mean over rows stops it early. Within bounds it also stops after ten steps in a row that take
+//! exponents further out: the way to an optimum at infinity has hundreds of steps, which the bounds would undo.
 
 use super::form::{MAX_PARAMS, Matrix, Slots, Vector};
 use super::objective::{Evaluation, Objective};
@@ -23,6 +24,8 @@ pub(super) struct Problem<'a> {
     slots: Slots,
     /// Values of the frozen ones.
     base: Vector,
+    /// Least and largest exponent: a step may leave them, [`OUTWARD`] steps in a row end the search.
+    bounds: [f64; 2],
     pub n_free: usize,
 }
 
@@ -33,7 +36,13 @@ impl<'a> Problem<'a> {
         used.sort_unstable();
         used.dedup();
         let renumbered = slots.map(|slot| slot.and_then(|s| used.binary_search(&s).ok()));
-        Self { objective, slots: renumbered, base, n_free: used.len() }
+        let bounds = [f64::NEG_INFINITY, f64::INFINITY];
+        Self { objective, slots: renumbered, base, bounds, n_free: used.len() }
+    }
+
+    /// The same, to be left unfinished once its exponents leave these bounds for good.
+    pub fn within(self, bounds: [f64; 2]) -> Self {
+        Self { bounds, ..self }
     }
 
     /// All parameters, from the free ones.
@@ -50,6 +59,13 @@ impl<'a> Problem<'a> {
             }
         }
         free
+    }
+
+    /// How far the exponents are outside their bounds, in sum.
+    fn outside(&self, free: &Vector) -> f64 {
+        let (full, [least, most]) = (self.full(free), self.bounds);
+        let k = self.objective.columns.x.len();
+        full[k + 1..=2 * k].iter().map(|e| (e - e.clamp(least, most)).abs()).sum()
     }
 
     /// Value, gradient and Hessian in the free parameters.
@@ -77,6 +93,8 @@ pub(super) const EXACT: f64 = 1e-15;
 /// Longest step, in natural logarithms and exponents.
 const LONGEST_STEP: f64 = 4.0;
 const MAX_STEPS: u64 = 400;
+/// Steps in a row that take exponents further out of their bounds and end a search.
+const OUTWARD: usize = 10;
 /// λ in units of the Hessian's largest entry at the start.
 const FIRST_DAMPING: f64 = 1e-3;
 
@@ -97,7 +115,7 @@ pub(super) struct Minimised {
 /// Goes downhill from `start`; none if the objective has no finite value there.
 pub(super) fn minimise(problem: Problem, start: Vector, tolerance: f64) -> Option<Minimised> {
     let n = problem.n_free;
-    let solver = DampedNewton { damping: 0.0, tolerance };
+    let solver = DampedNewton { damping: 0.0, tolerance, outside: 0.0, outward: 0 };
     let run = Executor::new(problem, solver)
         .configure(|state: Iterate| state.param(start).max_iters(MAX_STEPS))
         .timer(false)
@@ -119,6 +137,10 @@ struct DampedNewton {
     damping: f64,
     /// Relative decrease of the objective that is not worth a step.
     tolerance: f64,
+    /// How far the exponents are outside their bounds.
+    outside: f64,
+    /// Steps in a row that took them further out.
+    outward: usize,
 }
 
 impl<'a> Solver<Problem<'a>, Iterate> for DampedNewton {
@@ -137,6 +159,8 @@ impl<'a> Solver<Problem<'a>, Iterate> for DampedNewton {
             return Err(Error::msg("the objective has no finite value at the start"));
         }
         self.damping = FIRST_DAMPING * largest(&there.hessian);
+        self.goes_outward(problem, &start);
+        self.outward = 0;
         Ok((moved(state, start, &there), None))
     }
 
@@ -151,7 +175,12 @@ impl<'a> Solver<Problem<'a>, Iterate> for DampedNewton {
         let hessian = state.take_hessian().ok_or_else(missing)?;
         let here = Evaluation { value: state.get_cost(), gradient, hessian };
         match self.descend(problem, &at, &here)? {
-            Some((there, evaluation)) => Ok((moved(state, there, &evaluation), None)),
+            Some((there, evaluation)) => {
+                let outward = self.goes_outward(problem, &there);
+                let state = moved(state, there, &evaluation);
+                let left = TerminationReason::SolverExit("exponents leave their bounds".into());
+                Ok((if outward { state.terminate_with(left) } else { state }, None))
+            }
             None => {
                 let state = moved(state, at, &here);
                 Ok((state.terminate_with(TerminationReason::SolverConverged), None))
@@ -161,6 +190,14 @@ impl<'a> Solver<Problem<'a>, Iterate> for DampedNewton {
 }
 
 impl DampedNewton {
+    /// Whether the last steps have led further and further outside the bounds.
+    fn goes_outward(&mut self, problem: &Counted<Problem>, at: &Vector) -> bool {
+        let outside = problem.problem.as_ref().map_or(0.0, |p| p.outside(at));
+        self.outward = if outside > self.outside { self.outward + 1 } else { 0 };
+        self.outside = outside;
+        self.outward >= OUTWARD
+    }
+
     /// The next point, strictly lower; `None` if there is none.
     fn descend(
         &mut self,

@@ -9,7 +9,10 @@
 
 #![expect(clippy::needless_range_loop, reason = "loops of fixed bounds become vector instructions")]
 
+use std::ops::Range;
+
 use super::form::{Constant, MAX_PARAMS, Matrix, Space, Vector};
+use super::lanes::{LANES, Lane, exp, fused, ln, product};
 
 /// The rows of a fit as columns, padded with rows of no weight to whole lanes.
 #[derive(Clone, Debug)]
@@ -88,263 +91,271 @@ impl Objective<'_> {
                 // SAFETY: the processor has just been seen to have both.
                 return unsafe { wide512::<K, P>(self, theta) };
             }
-            if is_x86_feature_detected!("avx2") {
-                // SAFETY: the processor has just been seen to have it.
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                // SAFETY: the processor has just been seen to have both.
                 return unsafe { wide256::<K, P>(self, theta) };
             }
         }
-        sums::<K, P>(self, theta)
+        evaluate::<K, P, { cfg!(target_arch = "aarch64") }>(self, theta)
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq")]
 fn wide512<const K: usize, const P: usize>(o: &Objective, theta: &Vector) -> Evaluation {
-    sums::<K, P>(o, theta)
+    evaluate::<K, P, true>(o, theta)
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
+#[target_feature(enable = "avx2,fma")]
 fn wide256<const K: usize, const P: usize>(o: &Objective, theta: &Vector) -> Evaluation {
-    sums::<K, P>(o, theta)
+    evaluate::<K, P, true>(o, theta)
 }
 
-/// The sums over all rows, added in the same order for every vector width.
-#[inline(always)]
-fn sums<const K: usize, const P: usize>(o: &Objective, theta: &Vector) -> Evaluation {
-    let mut value = [0.0; LANES];
-    let mut gradient = [[0.0; LANES]; P];
-    let mut hessian = [[[0.0; LANES]; P]; P];
-    for start in (0..o.columns.y.len()).step_by(LANES) {
-        let rows = start..start + LANES;
-        let x: [Lane; K] = std::array::from_fn(|k| lane(&o.columns.x[k][rows.clone()]));
-        let (y, w) = (lane(&o.columns.y[rows.clone()]), lane(&o.weights[rows]));
-        let row = derivatives::<K, P>(o, theta, &x);
-        let huber = huber(o, &y, &w, &row.q);
-        add(&mut value, &huber.value);
-        for p in 0..P {
-            subtract_product(&mut gradient[p], &huber.slope, &row.first[p]);
-            let scaled = product(&huber.outer, &row.first[p]);
-            for q in 0..=p {
-                add_product(&mut hessian[p][q], &scaled, &row.first[q]);
-            }
-        }
-        if o.curvature == Curvature::GaussNewton {
-            continue;
-        }
-        for k in 0..K {
-            let (c, a) = (k, K + 1 + k);
-            subtract_product(&mut hessian[c][c], &huber.slope, &row.first[c]);
-            subtract_product(&mut hessian[a][c], &huber.slope, &row.first[a]);
-            add_product(&mut hessian[a][a], &huber.slope, &product(&row.first[a], &x[k]));
-        }
-        if o.constant == Constant::Positive {
-            subtract_product(&mut hessian[K][K], &huber.slope, &row.first[K]);
-        }
-    }
-    gathered::<P>(&value, &gradient, &hessian)
+/// Lanes of a chunk: its derivatives stay in the first cache, and a sum over it stays in a register.
+const CHUNK: usize = 8;
+
+/// One number for each row of a chunk.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Chunk([Lane; CHUNK]);
+
+const ZERO: Chunk = Chunk([[0.0; LANES]; CHUNK]);
+
+/// Derivatives on the rows of a chunk.
+struct Derivatives<const P: usize> {
+    q: Chunk,
+    /// q_p.
+    first: [Chunk; P],
+    /// w h'.
+    slope: Chunk,
+    /// The factor of q_p q_q: w h'', plus w h' in logarithms.
+    outer: Chunk,
 }
 
-/// Huber's function on some rows, times their weights.
-struct Huber {
+/// Sums over rows, lane by lane.
+struct Sums<const K: usize, const P: usize> {
     value: Lane,
-    /// h'.
-    slope: Lane,
-    /// The factor of q_p q_q: h'', plus h' in logarithms.
-    outer: Lane,
+    /// w h' q_p.
+    slopes: [Lane; P],
+    /// The lower half of the factor times q_p q_q.
+    outer: [[Lane; P]; P],
+    /// w h' x q_α of each exponent.
+    bends: [Lane; K],
 }
 
+/// Over all rows, added in the same order for every vector width; if `FUSED`, a multiply-add rounds once.
 #[inline(always)]
-fn huber(o: &Objective, y: &Lane, w: &Lane, q: &Lane) -> Huber {
-    let mut huber = Huber { value: [0.0; LANES], slope: [0.0; LANES], outer: [0.0; LANES] };
-    let more = if o.space == Space::Log && o.curvature == Curvature::Exact { 1.0 } else { 0.0 };
-    for i in 0..LANES {
-        let r = y[i] - q[i];
-        // δ(|r| − δ/2) beyond δ, written with |r| cut at δ so that δ may be infinite.
-        let cut = r.abs().min(o.delta);
-        let inside = if r.abs() <= o.delta { w[i] } else { 0.0 };
-        huber.value[i] = w[i] * cut * (r.abs() - 0.5 * cut);
-        huber.slope[i] = w[i] * cut.copysign(r);
-        huber.outer[i] = inside + more * huber.slope[i];
-    }
-    huber
-}
-
-/// q and its first derivatives on some rows.
-struct Row<const P: usize> {
-    q: Lane,
-    first: [Lane; P],
-}
-
-#[inline(always)]
-fn derivatives<const K: usize, const P: usize>(
+fn evaluate<const K: usize, const P: usize, const FUSED: bool>(
     o: &Objective,
     theta: &Vector,
-    x: &[Lane; K],
-) -> Row<P> {
-    let constant = if o.constant == Constant::Positive { exp(theta[K]) } else { theta[K] };
-    let constant_slope = if o.constant == Constant::Positive { constant } else { 1.0 };
-    let mut row = Row { q: [constant; LANES], first: [[constant_slope; LANES]; P] };
+) -> Evaluation {
+    let zero = [0.0; LANES];
+    let mut sums = Sums { value: zero, slopes: [zero; P], outer: [[zero; P]; P], bends: [zero; K] };
+    let mut on = Derivatives { q: ZERO, first: [ZERO; P], slope: ZERO, outer: ZERO };
+    let constant = match o.constant {
+        Constant::Positive => [exp::<FUSED>(theta[K]); 2],
+        Constant::Free => [theta[K], 1.0],
+    };
+    let lanes = o.columns.y.len() / LANES;
+    for start in (0..lanes).step_by(CHUNK) {
+        let range = start..lanes.min(start + CHUNK);
+        let x: [&[Lane]; K] = std::array::from_fn(|k| part(&o.columns.x[k], &range));
+        derive::<K, P, FUSED>(theta, &x, constant, &mut on);
+        if o.space == Space::Log {
+            logarithms::<P, FUSED>(&mut on, range.len());
+        }
+        weigh(o, part(&o.columns.y, &range), part(o.weights, &range), &mut on, &mut sums.value);
+        add::<K, P, FUSED>(o, &x, &on, &mut sums);
+    }
+    gathered(o, &sums)
+}
+
+fn part<'a>(column: &'a [f64], lanes: &Range<usize>) -> &'a [Lane] {
+    &column.as_chunks().0[lanes.clone()]
+}
+
+/// The loss and its first derivatives, from the constant and its own derivative.
+#[inline(always)]
+fn derive<const K: usize, const P: usize, const FUSED: bool>(
+    theta: &Vector,
+    x: &[&[Lane]; K],
+    [constant, slope]: [f64; 2],
+    on: &mut Derivatives<P>,
+) {
+    let n = x[0].len();
+    on.q = Chunk([[constant; LANES]; CHUNK]);
+    on.first[K] = Chunk([[slope; LANES]; CHUNK]);
     for k in 0..K {
-        for i in 0..LANES {
-            let term = exp(theta[k] - theta[K + 1 + k] * x[k][i]);
-            row.q[i] += term;
-            row.first[k][i] = term;
-            row.first[K + 1 + k][i] = -x[k][i] * term;
-        }
-    }
-    if o.space == Space::Log {
-        for i in 0..LANES {
-            let inverse = 1.0 / row.q[i];
-            for p in 0..P {
-                row.first[p][i] *= inverse;
+        for i in 0..n {
+            for j in 0..LANES {
+                let x = x[k][i][j];
+                let term = exp::<FUSED>(fused::<FUSED>(-theta[K + 1 + k], x, theta[k]));
+                on.q.0[i][j] += term;
+                on.first[k].0[i][j] = term;
+                on.first[K + 1 + k].0[i][j] = -x * term;
             }
-            row.q[i] = ln(row.q[i]);
         }
     }
-    row
+}
+
+/// The same of the loss's logarithm.
+#[inline(always)]
+fn logarithms<const P: usize, const FUSED: bool>(on: &mut Derivatives<P>, n: usize) {
+    for i in 0..n {
+        let mut inverse = on.q.0[i];
+        for j in 0..LANES {
+            inverse[j] = 1.0 / inverse[j];
+        }
+        for p in 0..P {
+            on.first[p].0[i] = product(&on.first[p].0[i], &inverse);
+        }
+    }
+    for i in 0..n {
+        for j in 0..LANES {
+            on.q.0[i][j] = ln::<FUSED>(on.q.0[i][j]);
+        }
+    }
+}
+
+/// Huber's function, times the weights.
+#[inline(always)]
+fn weigh<const P: usize>(
+    o: &Objective,
+    y: &[Lane],
+    w: &[Lane],
+    on: &mut Derivatives<P>,
+    value: &mut Lane,
+) {
+    let more = if o.space == Space::Log && o.curvature == Curvature::Exact { 1.0 } else { 0.0 };
+    for i in 0..y.len() {
+        for j in 0..LANES {
+            let (r, w) = (y[i][j] - on.q.0[i][j], w[i][j]);
+            // δ(|r| − δ/2) beyond δ, written with |r| cut at δ so that δ may be infinite.
+            let cut = r.abs().min(o.delta);
+            let inside = if r.abs() <= o.delta { w } else { 0.0 };
+            let slope = w * cut.copysign(r);
+            value[j] += w * cut * (r.abs() - 0.5 * cut);
+            on.slope.0[i][j] = slope;
+            on.outer.0[i][j] = inside + more * slope;
+        }
+    }
 }
 
 #[inline(always)]
-fn gathered<const P: usize>(
-    value: &Lane,
-    gradient: &[Lane; P],
-    hessian: &[[Lane; P]; P],
-) -> Evaluation {
+fn add<const K: usize, const P: usize, const FUSED: bool>(
+    o: &Objective,
+    x: &[&[Lane]; K],
+    on: &Derivatives<P>,
+    sums: &mut Sums<K, P>,
+) {
+    let n = x[0].len();
+    let mut factor = ZERO;
+    dots::<P, P, FUSED>(&mut sums.slopes, &on.slope, &on.first, n);
+    // Each row of the triangle has sums of its own number: a loop over the rows would keep them in memory.
+    macro_rules! triangle {
+        ($($p:literal)*) => { $(
+            if $p < P {
+                products(&mut factor, &on.outer.0[..n], &on.first[$p].0);
+                dots::<{ $p + 1 }, P, FUSED>(&mut sums.outer[$p], &factor, &on.first, n);
+            }
+        )* };
+    }
+    triangle!(0 1 2 3 4 5 6);
+    if o.curvature == Curvature::Exact {
+        for k in 0..K {
+            products(&mut factor, x[k], &on.slope.0);
+            let first = std::array::from_ref(&on.first[K + 1 + k]);
+            dots::<1, 1, FUSED>(std::array::from_mut(&mut sums.bends[k]), &factor, first, n);
+        }
+    }
+}
+
+/// The products of `a` with as many lanes of `b`.
+#[inline(always)]
+fn products(into: &mut Chunk, a: &[Lane], b: &[Lane; CHUNK]) {
+    for i in 0..a.len().min(CHUNK) {
+        into.0[i] = product(&a[i], &b[i]);
+    }
+}
+
+/// Adds the products of `factor` with the first `N` derivatives, over `n` lanes.
+#[inline(always)]
+fn dots<const N: usize, const P: usize, const FUSED: bool>(
+    sums: &mut [Lane; P],
+    factor: &Chunk,
+    first: &[Chunk; P],
+    n: usize,
+) {
+    let mut own: [Lane; N] = std::array::from_fn(|q| sums[q]);
+    for i in 0..n {
+        for q in 0..N {
+            for j in 0..LANES {
+                own[q][j] = fused::<FUSED>(factor.0[i][j], first[q].0[i][j], own[q][j]);
+            }
+        }
+    }
+    sums[..N].copy_from_slice(&own);
+}
+
+/// The gradient −Σ w h' q_p, and the Hessian. A coefficient's own second derivative and its derivative by the
+/// exponent are first derivatives again (q_cc = q_c, q_cα = q_α), so that their sums are the gradient's.
+#[inline(always)]
+fn gathered<const K: usize, const P: usize>(o: &Objective, sums: &Sums<K, P>) -> Evaluation {
     let sum = |lane: &Lane| lane.iter().sum::<f64>();
     let mut all = Evaluation {
-        value: sum(value),
+        value: sum(&sums.value),
         gradient: [0.0; MAX_PARAMS],
         hessian: [[0.0; MAX_PARAMS]; MAX_PARAMS],
     };
     for p in 0..P {
-        all.gradient[p] = sum(&gradient[p]);
+        all.gradient[p] = -sum(&sums.slopes[p]);
         for q in 0..=p {
-            all.hessian[p][q] = sum(&hessian[p][q]);
+            all.hessian[p][q] = sum(&sums.outer[p][q]);
+        }
+    }
+    if o.curvature == Curvature::Exact {
+        for k in 0..K {
+            all.hessian[k][k] += all.gradient[k];
+            all.hessian[K + 1 + k][k] += all.gradient[K + 1 + k];
+            all.hessian[K + 1 + k][K + 1 + k] += sum(&sums.bends[k]);
+        }
+        if o.constant == Constant::Positive {
+            all.hessian[K][K] += all.gradient[K];
+        }
+    }
+    for p in 0..P {
+        for q in 0..p {
             all.hessian[q][p] = all.hessian[p][q];
         }
     }
     all
 }
 
-// e^x and ln x for a handful of rows at a time.
-//
-// Branch-free, so that the compiler turns a loop over [`LANES`] rows into vector instructions;
-// within an ulp or two of the standard library's, and the same bits on every processor, since
-// nothing here depends on how wide its vectors are.
-
-/// Rows that are computed side by side.
-const LANES: usize = 8;
-
-/// One number a row.
-type Lane = [f64; LANES];
-
-/// 1.5 · 2^52: adding it rounds to an integer in the low bits.
-const ROUND: f64 = 6_755_399_441_055_744.0;
-const LN2_HIGH: f64 = 6.931_471_803_691_238e-1;
-const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-
-/// e^x; x beyond ±700 is taken as ±700.
-#[inline(always)]
-fn exp(x: f64) -> f64 {
-    let x = x.clamp(-700.0, 700.0);
-    let shifted = x * std::f64::consts::LOG2_E + ROUND;
-    let n = shifted - ROUND;
-    let r = x - n * LN2_HIGH - n * LN2_LOW;
-    // e^r by its series to r^13, |r| < 0.35.
-    let mut p = 1.0 / 6_227_020_800.0;
-    p = p * r + 1.0 / 479_001_600.0;
-    p = p * r + 1.0 / 39_916_800.0;
-    p = p * r + 1.0 / 3_628_800.0;
-    p = p * r + 1.0 / 362_880.0;
-    p = p * r + 1.0 / 40_320.0;
-    p = p * r + 1.0 / 5_040.0;
-    p = p * r + 1.0 / 720.0;
-    p = p * r + 1.0 / 120.0;
-    p = p * r + 1.0 / 24.0;
-    p = p * r + 1.0 / 6.0;
-    p = p * r + 0.5;
-    p = p * r + 1.0;
-    p = p * r + 1.0;
-    let exponent = shifted.to_bits().wrapping_add(1023) << 52;
-    p * f64::from_bits(exponent)
-}
-
-/// ln x of a positive normal number.
-#[inline(always)]
-fn ln(x: f64) -> f64 {
-    // x = m 2^e with m between √½ and √2.
-    const SQRT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
-    let bits = x.to_bits().wrapping_sub(SQRT_HALF);
-    let e_bits = ((bits as i64) >> 52) as u64;
-    let m = f64::from_bits(x.to_bits().wrapping_sub(e_bits << 52));
-    let e = f64::from_bits(ROUND.to_bits().wrapping_add(e_bits)) - ROUND;
-    // ln m = 2 artanh s.
-    let s = (m - 1.0) / (m + 1.0);
-    let z = s * s;
-    let mut p = 1.0 / 21.0;
-    p = p * z + 1.0 / 19.0;
-    p = p * z + 1.0 / 17.0;
-    p = p * z + 1.0 / 15.0;
-    p = p * z + 1.0 / 13.0;
-    p = p * z + 1.0 / 11.0;
-    p = p * z + 1.0 / 9.0;
-    p = p * z + 1.0 / 7.0;
-    p = p * z + 1.0 / 5.0;
-    p = p * z + 1.0 / 3.0;
-    e * LN2_HIGH + (2.0 * s + (2.0 * s * z * p + e * LN2_LOW))
-}
-
-#[inline(always)]
-fn product(a: &Lane, b: &Lane) -> Lane {
-    std::array::from_fn(|i| a[i] * b[i])
-}
-
-#[inline(always)]
-fn add(sum: &mut Lane, a: &Lane) {
-    for i in 0..LANES {
-        sum[i] += a[i];
-    }
-}
-
-#[inline(always)]
-fn add_product(sum: &mut Lane, a: &Lane, b: &Lane) {
-    for i in 0..LANES {
-        sum[i] += a[i] * b[i];
-    }
-}
-
-#[inline(always)]
-fn subtract_product(sum: &mut Lane, a: &Lane, b: &Lane) {
-    for i in 0..LANES {
-        sum[i] -= a[i] * b[i];
-    }
-}
-
-/// The rows of a column that start a lane.
-#[inline(always)]
-fn lane(column: &[f64]) -> Lane {
-    std::array::from_fn(|i| column[i])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
 
-    proptest! {
-        #[test]
-        fn both_agree_with_the_standard_library(x in -650.0..650.0f64) {
-            prop_assert!((exp(x) / x.exp() - 1.0).abs() < 5e-16);
-            let y = x.exp();
-            prop_assert!((ln(y) - y.ln()).abs() <= 4e-16 * y.ln().abs().max(0.3));
-        }
-    }
-
+    /// Rows of three quantities, more than a chunk of them and no whole lane at the end.
     #[test]
-    fn whole_powers_are_exact_and_extremes_finite() {
-        assert_eq!(exp(0.0), 1.0);
-        assert_eq!(ln(1.0), 0.0);
-        assert!(exp(1e9).is_finite() && exp(-1e9) > 0.0);
+    fn a_multiply_add_that_rounds_twice_moves_the_last_digits_alone() {
+        let n = 3 * CHUNK * LANES / 2 + 3;
+        let x = |k: usize| (0..n).map(|i| ((i * (k + 2) * 7 % 13) as f64 - 6.0) / 3.0).collect();
+        let y = (0..n).map(|i| 0.5 + 0.1 * (i % 5) as f64).collect();
+        let columns = Columns::new((0..3).map(x).collect(), y);
+        let weights = columns.weights((0..n).map(|i| 0.5 + 0.1 * (i % 7) as f64).collect());
+        let theta = [-0.4, -0.3, -0.8, 0.2, 0.3, 0.5, 0.4];
+        for (space, constant) in [(Space::Log, Constant::Positive), (Space::Raw, Constant::Free)] {
+            let (columns, weights, curvature) = (&columns, &weights, Curvature::Exact);
+            let o = Objective { columns, weights, space, constant, delta: 0.3, curvature };
+            let (once, twice) =
+                (evaluate::<3, 7, true>(&o, &theta), evaluate::<3, 7, false>(&o, &theta));
+            let near = |a: f64, b: f64| (a - b).abs() < 1e-12 * (1.0 + b.abs());
+            assert!(near(once.value, twice.value));
+            for p in 0..7 {
+                assert!(near(once.gradient[p], twice.gradient[p]), "{p}");
+                assert!((0..7).all(|q| near(once.hessian[p][q], twice.hessian[p][q])), "{p}");
+            }
+        }
     }
 }

@@ -47,8 +47,10 @@ pub(super) fn bootstrap(
     let n = clusters.len();
     let draws = Draws::new(seed, asked, n.min(MAX_CLUSTERS), n);
     let replicate = |i: usize| {
-        let rows = draws.of(i).into_iter().flat_map(|cluster| &clusters[cluster]).copied();
-        let data = target.data.rows(&rows.collect::<Vec<_>>());
+        let mut times = vec![0; points.len()];
+        let drawn = draws.of(i).into_iter().flat_map(|cluster| &clusters[cluster]);
+        drawn.for_each(|row| times[*row] += 1);
+        let data = target.data.repeated(&times);
         Target { data: &data, ..*target }.settle(&found.end.theta, &data.weights, TOLERANCE)
     };
     let ends: Vec<End> = (0..asked).into_par_iter().filter_map(replicate).collect();
@@ -252,6 +254,26 @@ fn moves(target: &Target, theta: &Vector, kept: &[usize], budget: f64) -> Vec<f6
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::laws::parametric::form::{Form, Space};
+    use crate::laws::parametric::target::Data;
+    use crate::laws::parametric::tests::{chinchilla, chinchilla_runs};
+
+    #[test]
+    fn a_row_drawn_twice_counts_as_two_rows() {
+        let data = Data::new(&chinchilla_runs(5, 0.01, 0), Form::Approach3, Space::Log).unwrap();
+        let (drawn, mut times) = ([7, 7, 3, 30, 3, 7, 12, 21], vec![0; data.losses.len()]);
+        drawn.iter().for_each(|row| times[*row] += 1);
+        let value = |data: &Data| {
+            let (form, space, tied) = (Form::Approach3, Space::Log, false);
+            let target = Target { data, form, space, delta: 0.01, tied, bounds: [0.02, 3.0] };
+            let theta = chinchilla().centred(data.constant, &data.means);
+            let how = (target.delta, Curvature::Exact);
+            let problem = target.problem(how, form.slots(tied), theta, &data.weights);
+            problem.evaluate(&problem.free(&theta)).value
+        };
+        let (copied, counted) = (value(&data.rows(&drawn)), value(&data.repeated(&times)));
+        assert!(copied > 0.0 && (copied / counted - 1.0).abs() < 1e-12, "{copied} {counted}");
+    }
 
     /// `np.random.seed(42); np.random.choice(240, 240)`, 4000 times, by numpy 2.
     #[test]

@@ -32,6 +32,9 @@ const MAX_ROWS: usize = 2000;
 /// Relative difference of two objectives that count as one optimum.
 const SAME: f64 = 1e-8;
 
+/// Difference of all parameters below which the descents of two starts have met.
+const CLOSE: f64 = 1e-6;
+
 /// Share of a loss, or of its logarithm, that counts as rounding.
 const ROUNDING: f64 = 1e-9;
 
@@ -54,7 +57,10 @@ pub(super) fn search(target: &Target, starts: Starts) -> Option<Found> {
         Starts::Projected => projected(&few),
         Starts::Grid => hoffmann(&few),
     };
-    let ends: Vec<End> = starts.par_iter().filter_map(|start| few.descend(start)).collect();
+    let near: Vec<Vector> = starts.par_iter().filter_map(|start| few.approach(start)).collect();
+    let (distinct, places) = distinct(&near);
+    let reached: Vec<Option<End>> = distinct.par_iter().map(|at| few.descend(at)).collect();
+    let ends: Vec<End> = places.into_iter().filter_map(|place| reached[place]).collect();
     let best = ends.iter().min_by(|a, b| a.minimised.value.total_cmp(&b.minimised.value))?;
     let lowest = few.settle(&best.theta, &thinned.weights, EXACT)?;
     let most = lowest.minimised.value * (1.0 + SAME) + rounding(&few);
@@ -63,6 +69,20 @@ pub(super) fn search(target: &Target, starts: Starts) -> Option<Found> {
         starts: starts.len(),
         starts_at_optimum: ends.iter().filter(|end| end.minimised.value <= most).count(),
     })
+}
+
+/// Points further apart than [`CLOSE`], and the place among them of each point.
+fn distinct(points: &[Vector]) -> (Vec<Vector>, Vec<usize>) {
+    let mut distinct: Vec<Vector> = Vec::new();
+    let place = |point: &Vector| {
+        let same = |other: &Vector| point.iter().zip(other).all(|(a, b)| (a - b).abs() <= CLOSE);
+        distinct.iter().position(same).unwrap_or_else(|| {
+            distinct.push(*point);
+            distinct.len() - 1
+        })
+    };
+    let places = points.iter().map(place).collect();
+    (distinct, places)
 }
 
 /// The objective of rounding errors: if a law goes through all rows, every start ends below it, with different digits.
@@ -226,4 +246,16 @@ impl Basis {
 fn gain(gram: &Matrix, moments: &Vector, values: &Vector, n: usize) -> f64 {
     let bent = times(gram, values, n);
     (0..n).map(|i| values[i] * (2.0 * moments[i] - bent[i])).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn descents_that_have_met_go_on_as_one() {
+        let at = |x: f64| [x, 1.0, 2.0, 0.3, 0.4, 0.0, 0.0];
+        let (kept, places) = distinct(&[at(1.0), at(1.0 + 1e-7), at(1.1), at(1.0)]);
+        assert_eq!((kept, places), (vec![at(1.0), at(1.1)], vec![0, 0, 1, 0]));
+    }
 }

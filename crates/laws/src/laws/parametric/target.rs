@@ -63,6 +63,14 @@ impl Data {
         let (means, losses) = (self.means.clone(), pick(&self.losses));
         Self { columns, weights, means, losses, constant: self.constant }
     }
+
+    /// Each row as often as `times` has it, by its weight.
+    pub fn repeated(&self, times: &[usize]) -> Self {
+        let rows: Vec<usize> = (0..times.len()).filter(|row| times[*row] > 0).collect();
+        let mut data = self.rows(&rows);
+        data.weights.iter_mut().zip(rows).for_each(|(weight, row)| *weight *= times[row] as f64);
+        data
+    }
 }
 
 fn check(p: &IsoFlopPoint, form: Form, space: Space) -> Result<(), FitError> {
@@ -173,17 +181,22 @@ impl<'a> Target<'a> {
         Problem::new(objective, slots, base)
     }
 
-    /// Downhill from anywhere: least squares by Gauss and Newton, then Huber's function at ten
-    /// times δ, then at δ. Each stage hands the next a start within its reach.
-    pub fn descend(&self, start: &Vector) -> Option<End> {
-        let (weights, slots) = (&self.data.weights, self.form.slots(self.tied));
-        let stage = |how, start: &Vector, tolerance| {
-            let problem = self.problem(how, slots, *start, weights);
-            Some(problem.full(&minimise(problem, problem.free(start), tolerance)?.free))
-        };
-        let at = stage((f64::INFINITY, Curvature::GaussNewton), start, 1e-12)?;
-        let at = stage((10.0 * self.delta, Curvature::Exact), &at, 1e-6)?;
-        self.settle(&at, weights, 1e-12)
+    /// Downhill from anywhere, first stage: least squares by Gauss and Newton.
+    pub fn approach(&self, start: &Vector) -> Option<Vector> {
+        self.stage((f64::INFINITY, Curvature::GaussNewton), start, 1e-12)
+    }
+
+    /// The later stages: Huber's function at ten times δ, then at δ. Each stage hands the next a start within its
+    /// reach.
+    pub fn descend(&self, near: &Vector) -> Option<End> {
+        let at = self.stage((10.0 * self.delta, Curvature::Exact), near, 1e-6)?;
+        self.settle(&at, &self.data.weights, 1e-12)
+    }
+
+    fn stage(&self, how: (f64, Curvature), start: &Vector, tolerance: f64) -> Option<Vector> {
+        let slots = self.form.slots(self.tied);
+        let problem = self.problem(how, slots, *start, &self.data.weights);
+        Some(problem.full(&minimise(problem, problem.free(start), tolerance)?.free))
     }
 
     /// Downhill from near an optimum. An exponent that leaves its bounds is set to the nearer one
@@ -194,7 +207,8 @@ impl<'a> Target<'a> {
         let mut theta = *start;
         loop {
             let target = Target { data: self.data, ..*self };
-            let problem = target.problem((self.delta, Curvature::Exact), slots, theta, weights);
+            let how = (self.delta, Curvature::Exact);
+            let problem = target.problem(how, slots, theta, weights).within(self.bounds);
             let minimised = minimise(problem, problem.free(&theta), tolerance)?;
             theta = problem.full(&minimised.free);
             let outside = |p: &usize| slots[*p].is_some() && !(least..=most).contains(&theta[*p]);

@@ -330,6 +330,22 @@ fn starts_on_rows_without_noise_all_reach_the_optimum() {
     assert!(!found.warnings.iter().any(|s| s.contains("starts")), "{:?}", found.warnings);
 }
 
+/// A loss that falls with ln N_nv faster and faster, as no power law does: its exponent tends to zero.
+#[test]
+fn every_start_and_replicate_ends_at_the_bound_of_an_exponent_that_tends_to_zero() {
+    let mut runs = motion_runs(0.01, 0);
+    for run in &mut runs {
+        let z = run.params_nonvocab.ln() - 12.0;
+        run.loss -= 200.0 * run.params_nonvocab.powf(-0.35) + 0.1 * z + 0.01 * z * z;
+    }
+    let options =
+        ParametricOptions { bootstrap: 50, ..ParametricOptions::of(Form::Approach3Vocab) };
+    let found = fit_parametric(&runs, &options).unwrap();
+    let at_bound = |c: &Coefficients| (c.exponent(0) - 0.02).abs() < 1e-12;
+    assert!(at_bound(&found.coefficients) && found.bootstrap.iter().all(at_bound), "{found:?}");
+    assert_eq!((found.starts_at_optimum, found.replicates_converged), (16, 50));
+}
+
 // Intervals.
 
 const SIMULATIONS: u64 = 500;

@@ -169,7 +169,7 @@ fn tiles<L: Lanes, const R: usize, const V: usize>(
     inner: Range<usize>,
     add: bool,
 ) {
-    let copies = V == 1 && left.is_transposed() && columns.len() > COPIED;
+    let copies = V == 1 && left.is_transposed() && columns.len() >= COPIED;
     let mut copy = if copies { Buffer::new(BLOCK * DEPTH) } else { Buffer::default() };
     for block in (0..rows).step_by(BLOCK) {
         let block = block..rows.min(block + BLOCK);
