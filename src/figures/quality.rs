@@ -1,4 +1,4 @@
-//! FID and R@1 of runs against their L_u and their compute: does the loss carry over to quality?
+//! FID, R@1, jerk and foot skate of runs against their L_u and their compute: does the loss carry over to quality?
 
 use std::collections::BTreeMap;
 
@@ -44,11 +44,31 @@ const PRECISION: Quantity = Quantity {
     of_truth: |row| row.mean("truth_r_precision_1"),
 };
 
-/// The quantities of each panel, x and y.
-const PANELS: [[Quantity; 2]; 4] =
-    [[LOSS, FID], [BUDGET, FID], [LOSS, PRECISION], [BUDGET, PRECISION]];
+const JERK: Quantity = Quantity {
+    label: "Jerk (m/s³)",
+    scale: Scale::Linear,
+    of: |row| row.mean("jerk"),
+    of_truth: |row| row.mean("truth_jerk"),
+};
 
-/// FID and R@1 against L_u and compute; or the reason why there is no page.
+const SKATE: Quantity = Quantity {
+    label: "Foot skate (share of steps)",
+    scale: Scale::Linear,
+    of: |row| row.mean("foot_skate"),
+    of_truth: |row| row.mean("truth_foot_skate"),
+};
+
+/// The quantities of each panel, x and y.
+const PANELS: [[Quantity; 2]; 6] = [
+    [LOSS, FID],
+    [LOSS, PRECISION],
+    [BUDGET, JERK],
+    [BUDGET, FID],
+    [BUDGET, PRECISION],
+    [BUDGET, SKATE],
+];
+
+/// FID and R@1 against L_u and compute, jerk and foot skate against compute; or the reason why there is no page.
 pub fn quality(sweep: &str, rows: &[Quality]) -> Drawing {
     if rows.len() < 2 {
         return Err(format!("it needs two scored runs, there are {}", rows.len()));
@@ -77,7 +97,7 @@ pub fn quality(sweep: &str, rows: &[Quality]) -> Drawing {
     let same = "comparable only with scores of the same evaluator";
     let remarks = format!("{n} runs, scored by evaluator {judge}; {same}.");
     let title = format!("{sweep}: quality of motions against loss and compute");
-    Ok(Page { width: 1000.0, height: 760.0, title, remarks, legend }.panels(plots))
+    Ok(Page { width: 1360.0, height: 760.0, title, remarks, legend }.panels(plots))
 }
 
 fn point(along: &Quantity, up: &Quantity, row: &Quality) -> Option<Point> {

@@ -32,6 +32,9 @@ pub struct RunScores {
     /// Bodies of the first repeat, and of the truth.
     pub made_physics: ScoredPhysics,
     pub truth_physics: ScoredPhysics,
+    /// Bodies of the true motions through the tokenizer; absent in older files.
+    #[serde(default)]
+    pub reconstructed_physics: Option<ScoredPhysics>,
 }
 
 impl RunScores {
@@ -44,6 +47,10 @@ impl RunScores {
         let scores = vec![
             ("fid", Some(made.fid)),
             ("r_precision_1", Some(first)),
+            ("foot_skate", one(bodies[0].foot_skate)),
+            ("truth_foot_skate", one(bodies[1].foot_skate)),
+            ("jerk", one(bodies[0].jerk)),
+            ("truth_jerk", one(bodies[1].jerk)),
             ("r_precision_2", Some(second)),
             ("r_precision_3", Some(third)),
             ("matching_distance", Some(made.matching_distance)),
@@ -56,10 +63,6 @@ impl RunScores {
             ("truth_halves_fid", Some(self.halves_fid)),
             ("reconstructed_fid", Some(reconstructed.fid)),
             ("reconstructed_r_precision_1", Some(reconstructed.precision[0])),
-            ("foot_skate", one(bodies[0].foot_skate)),
-            ("truth_foot_skate", one(bodies[1].foot_skate)),
-            ("jerk", one(bodies[0].jerk)),
-            ("truth_jerk", one(bodies[1].jerk)),
             ("bone_spread_mm", one(bodies[0].bone_spread_mm)),
             ("penetration_mm", one(bodies[0].penetration_mm)),
         ];

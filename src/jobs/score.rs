@@ -13,7 +13,8 @@ use super::job::JobId;
 use super::run_scores::{RunScores, ScoredPhysics};
 use super::trained::{TrainedRun, TrustedEvaluator};
 use crate::data::write_npy;
-use crate::evaluator::{Embedded, Evaluator, OneScore, Truth, halves_fid, swapped};
+use crate::draws::swapped;
+use crate::evaluator::{Embedded, Evaluator, OneScore, Truth, halves_fid};
 use crate::files::{atomic::write_json, read_if_there};
 use crate::generator::{Draw, Prompt, Sampling};
 use crate::motion::{N_FEATURES, recover_joints};
@@ -113,6 +114,7 @@ impl<'a> Scoring<'a> {
         let mut rng = self.pools(0);
         let others = swapped(self.truth.n_clips(), 1.0, &mut rng);
         let shuffled = truth.with_motions(motions).recaptioned(&others);
+        let (reconstructed, reconstructed_physics) = self.reconstructed()?;
         Ok(RunScores {
             run_id: self.run.run_id.clone(),
             evaluator_id: evaluator_id.to_string(),
@@ -123,13 +125,14 @@ impl<'a> Scoring<'a> {
             shuffled: self.several(&shuffled)?,
             truth: several(&truth.motions)?,
             halves_fid: halves_fid(&truth.motions)?,
-            reconstructed: several(&self.reconstructed()?)?,
+            reconstructed: several(&reconstructed)?,
             multimodality: self.multimodality()?,
             made_physics,
             truth_physics: ScoredPhysics::of(
                 self.truth.features.iter().map(Vec::as_slice),
                 self.run.spec.fps,
             ),
+            reconstructed_physics: Some(reconstructed_physics),
         })
     }
 
@@ -182,7 +185,7 @@ impl<'a> Scoring<'a> {
     }
 
     /// The true motions, reconstructed by the run's tokenizer.
-    fn reconstructed(&self) -> Result<Embeddings> {
+    fn reconstructed(&self) -> Result<Made> {
         let tokenizer = &self.run.tokenizer;
         let through = |(features, text): (&Vec<f32>, &Vec<f32>)| {
             moved();
@@ -192,8 +195,11 @@ impl<'a> Scoring<'a> {
         };
         let motions = self.truth.features.iter().zip(&self.texts).map(through);
         let motions = motions.collect::<Result<Vec<_>, _>>()?;
-        Ok(self.evaluator.motions(motions.iter().map(Vec::as_slice))?)
+        let motions = motions.iter().map(Vec::as_slice);
+        let embedded = self.evaluator.motions(motions.clone())?;
+        Ok((embedded, ScoredPhysics::of(motions, self.run.spec.fps)))
     }
+
     /// Makes motions and embeds them.
     fn make(&self, prompts: &[Prompt]) -> Result<Made> {
         let (mut values, mut bodies) = (Vec::new(), Vec::new());

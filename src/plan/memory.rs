@@ -66,16 +66,18 @@ pub fn tokens_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
         as u64
 }
 
-/// Peak private bytes of an evaluator: its pool of clips, plus the values kept for the backward pass for each row of a
-/// step; or the test clips with corrupted copies.
+/// Peak private bytes of an evaluator: its pool of clips and of their corrupted copies, plus the values kept for the
+/// backward pass for each row of a step; or the test clips with corrupted copies.
 pub fn evaluator_peak_bytes(spec: &EvaluatorSpec, data: &DataFacts) -> u64 {
     let [train, _, test] = data.clips;
     let frames_per_clip = data.train_frames() as f64 / train.max(1) as f64;
     let n_features = spec.representation.n_features(N_FEATURES) as f64;
-    let pool = spec.pool_clips.min(train) as f64 * frames_per_clip * 4.4 * n_features;
+    let sides = if spec.n_corrupted() > 0 { 2.0 } else { 1.0 };
+    let pool = sides * spec.pool_clips.min(train) as f64 * frames_per_clip * 4.4 * n_features;
+    let motion = frames_per_clip.min(spec.window as f64) / spec.frames() as f64;
     let rows =
-        frames_per_clip.min(spec.window as f64) / spec.frames() as f64 + WORDS_PER_CAPTION as f64;
-    let step = spec.batch as f64 * rows * spec.networks.training_bytes_per_row();
+        (spec.batch + spec.n_corrupted()) as f64 * motion + (spec.batch * WORDS_PER_CAPTION) as f64;
+    let step = rows * spec.networks.training_bytes_per_row();
     let gates = 2.0 * 4.0 * N_FEATURES as f64 * test as f64 * frames_per_clip;
     (MOTION_BASE_BYTES + (pool + step).max(gates)) as u64
 }

@@ -2,8 +2,8 @@
 
 use crate::data::DataFacts;
 use crate::spec::{
-    EvaluatorSpec, FlopsPerToken, ModelShape, ParamCounts, QuantizerSpec, RunSpec, ScoresSpec,
-    TRAINING_REVISION, TokenizerJob, content_id,
+    EVALUATOR_REVISION, EvaluatorSpec, FlopsPerToken, ModelShape, ParamCounts, QuantizerSpec, RunSpec,
+    ScoresSpec, TRAINING_REVISION, TokenizerJob, content_id,
 };
 use crate::sweep::{Condition, Sweep};
 use serde::{Deserialize, Serialize};
@@ -95,7 +95,7 @@ pub struct EvaluatorJob {
 impl EvaluatorJob {
     /// The job of a sweep's `evaluator` section on its data.
     pub fn new(spec: EvaluatorSpec, data: &DataFacts) -> Self {
-        Self { revision: TRAINING_REVISION, spec, data_digest: data.digest.clone() }
+        Self { revision: EVALUATOR_REVISION, spec, data_digest: data.digest.clone() }
     }
 
     /// Content id: the hash of every field.

@@ -36,8 +36,8 @@ use std::path::Path;
 use serde_yaml::{Mapping, Value};
 
 use crate::files::{FileError, read_yaml_if_there};
-use check::{check, engine};
 use crate::spec::ScoresSpec;
+use check::{check, engine};
 use presets::Layers;
 use problem::nearest;
 use typed::{RemovedEntries, typed};

@@ -98,7 +98,7 @@ fn with_evaluator() -> Place {
     let place = Place::with("scored.yaml");
     let ended = place.isoflop(&["evaluator", "train", "scored.yaml"]).exits(0);
     let text = ended.stdout();
-    assert!(text.contains("every gate is passed"), "{text}");
+    assert!(text.contains("every required gate is passed"), "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
     assert!(!place.path("results/scored/runs.parquet").exists());
     place

@@ -38,3 +38,29 @@ pub fn normal_pair(rng: &mut ChaCha8Rng) -> (f64, f64) {
     let (sin, cos) = (std::f64::consts::TAU * unit(rng)).sin_cos();
     (radius * cos, radius * sin)
 }
+
+/// A permutation of `n` items in which a random `share` of them is swapped.
+pub fn swapped(n: usize, share: f64, rng: &mut ChaCha8Rng) -> Vec<usize> {
+    let drawn = distinct(n, (share * n as f64).round() as usize, rng);
+    let mut of: Vec<usize> = (0..n).collect();
+    for (to, from) in drawn.iter().zip(drawn.iter().cycle().skip(1)) {
+        of[*to] = *from;
+    }
+    of
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_are_swapped_as_asked_for_and_none_is_lost() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        for (share, moved) in [(0.0, 0), (0.3, 30), (1.0, 100)] {
+            let mut of = swapped(100, share, &mut rng);
+            assert_eq!(of.iter().enumerate().filter(|(to, from)| to != *from).count(), moved);
+            of.sort_unstable();
+            assert_eq!(of, Vec::from_iter(0..100));
+        }
+    }
+}

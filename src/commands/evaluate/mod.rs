@@ -252,30 +252,35 @@ impl EvaluateArgs {
 /// The scores of a run's motions, next to motions known to be better or worse.
 fn text_of_run(label: &str, scores: &RunScores) -> String {
     let RunScores { made, shuffled, truth, reconstructed, .. } = scores;
-    let row = |(name, scores): (&str, &MotionScores)| {
-        let MotionScores { fid, precision: [first, _, third], cosine, .. } = scores;
-        let [fid, cosine] = [fid.shown(4), cosine.shown(2)];
-        [name.to_string(), fid, first.shown(3), third.shown(3), cosine]
+    let row = |(name, scores, body): (&str, &MotionScores, Option<ScoredPhysics>)| {
+        let MotionScores { fid, precision: [first, _, third], .. } = scores;
+        let [skate, jerk] = body.map_or([const { String::new() }; 2], |body| moving(&body));
+        [name.to_string(), fid.shown(4), first.shown(3), third.shown(3), skate, jerk]
     };
+    let own = Some(scores.made_physics);
     let rows = [
-        ("made", made),
-        ("made, captions mixed", shuffled),
-        ("true", truth),
-        ("true, reconstructed", reconstructed),
+        ("made", made, own),
+        ("captions mixed", shuffled, own),
+        ("true", truth, Some(scores.truth_physics)),
+        ("reconstructed", reconstructed, scores.reconstructed_physics),
     ];
     let mut text = format!(
         "motions of {label} ({})\n{} captions of the test split, {} times\n\n{}",
         scores.run_id,
         scores.n_clips,
         made.fid.repeats,
-        table(["<", "<FID", "<R@1", "<R@3", "<cosine"], rows.map(row))
+        table(["<", "<FID", "<R@1", "<R@3", "skate", "jerk"], rows.map(row))
     );
     let _ = writeln!(
         text,
-        "\nFID between two halves of the true motions: {}\ndiversity {}, of true motions {}",
+        "\nskate: % of the steps in which a foot slides; jerk in m/s³\n\
+         FID between two halves of the true motions: {}\n\
+         diversity {}, of true motions {}\ncosine {}, of true motions {}",
         scores.halves_fid.shown(4),
         made.diversity.shown(3),
-        truth.diversity.shown(3)
+        truth.diversity.shown(3),
+        made.cosine.shown(2),
+        truth.cosine.shown(2),
     );
     if let Some(multimodality) = scores.multimodality {
         let spread = multimodality.shown(3);
@@ -290,10 +295,13 @@ fn text_of_files(scores: &FileScores) -> String {
     let FileScores { n_motions, n_captions, n_truth, .. } = scores;
     let shown = |score: Option<Repeated>| dash(score, |score| score.shown(3));
     let row = |score: &FileScore| [score.name.to_string(), shown(score.found), shown(score.truth)];
+    let [these, truth] = [&scores.physics, &scores.truth_physics].map(moving);
+    let bodies = ["foot skate, %", "jerk, m/s³"].into_iter().zip(these).zip(truth);
+    let bodies = bodies.map(|((name, these), truth)| [name.to_string(), these, truth]);
     let mut text = format!(
         "{}, {n_captions} with a caption, beside {n_truth} true ones\n\n{}",
         many(*n_motions, "motion"),
-        table(["<", "<these", "<true"], scores.scores.iter().map(row))
+        table(["<", "<these", "<true"], scores.scores.iter().map(row).chain(bodies))
     );
     text.push('\n');
     let mut reasons: Vec<&String> =
@@ -306,15 +314,15 @@ fn text_of_files(scores: &FileScores) -> String {
     text + &comparable(&scores.evaluator_id)
 }
 
+/// Foot skate in percent, and jerk.
+fn moving(ScoredPhysics { mean, .. }: &ScoredPhysics) -> [String; 2] {
+    [format!("{:.1}", 100.0 * mean.foot_skate), format!("{:.0}", mean.jerk)]
+}
+
 fn bodies(made: &ScoredPhysics, truth: &ScoredPhysics) -> String {
     let [made, truth] = [made.mean, truth.mean];
     format!(
-        "a foot slides in {:.1} % of the steps (true: {:.1}), jerk {:.0} m/s³ (true: {:.0})\n\
-         bones vary by {:.1} mm (true: {:.1}), the lowest joint is {:.1} mm under the floor\n",
-        100.0 * made.foot_skate,
-        100.0 * truth.foot_skate,
-        made.jerk,
-        truth.jerk,
+        "bones vary by {:.1} mm (true: {:.1}), the lowest joint is {:.1} mm under the floor\n",
         made.bone_spread_mm,
         truth.bone_spread_mm,
         made.penetration_mm + 0.0,

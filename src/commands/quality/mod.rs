@@ -113,14 +113,21 @@ fn text(
         let [codes, size] = [planned.n_vocab, planned.params_nonvocab].map(|n| n.to_string());
         let budget = format!("{:.1e}", planned.budget_flops);
         let loss = dash(row.run.loss_normalised().ok(), |loss| format!("{loss:.3}"));
-        let [fid, first] = [with_interval(row, "fid", 4), with_interval(row, "r_precision_1", 3)];
-        [row.generator().to_string(), codes, size, budget, loss, fid, first]
+        let fid = with_interval(row, "fid", 4);
+        let first = dash(row.mean("r_precision_1"), |first| format!("{first:.3}"));
+        let [skate, jerk] = ["foot_skate", "jerk"].map(|name| moving(row, name));
+        [row.generator().to_string(), codes, size, budget, loss, fid, first, skate, jerk]
     };
-    let heads = ["<scored runs", "V", "N_nv", "C", "L_u", "<FID", "<R@1"];
+    let heads = ["<scored runs", "V", "N_nv", "C", "L_u", "<FID", "R@1", "skate", "jerk"];
     let mut text = table(heads, rows.iter().take(LISTED).map(row));
     text += &more(rows.len(), LISTED, "");
     let truth = with_interval(&rows[0], "truth_r_precision_1", 3);
-    let _ = writeln!(text, "true motions: R@1 {truth}; means and 95 % intervals of repeats");
+    let [skate, jerk] = ["truth_foot_skate", "truth_jerk"].map(|name| moving(&rows[0], name));
+    let _ = writeln!(
+        text,
+        "true motions: R@1 {truth}, skate {skate} %, jerk {jerk} m/s³\n\
+         means and 95 % intervals of repeats; skate: % of steps in which a foot slides"
+    );
     text += &of_budgets(best);
     laws.iter().for_each(|law| text += &of_law(law));
     text += &of_ranks("<rank correlation with L_u", ranks);
@@ -171,6 +178,14 @@ fn of_budgets(best: &[Best]) -> String {
     let heads = ["<best", "C", "L_u:N_nv", "V", "FID", "FID:N_nv", "V", "FID"];
     let rows = table(heads, best.iter().take(LISTED).map(row));
     format!("\n{rows}{}\n", more(best.len(), LISTED, ""))
+}
+
+/// Foot skate in percent, or jerk.
+fn moving(row: &Quality, name: &str) -> String {
+    dash(row.mean(name), |value| match name.ends_with("jerk") {
+        true => format!("{value:.0}"),
+        false => format!("{:.1}", 100.0 * value),
+    })
 }
 
 fn with_interval(row: &Quality, name: &str, digits: usize) -> String {

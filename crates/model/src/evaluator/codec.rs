@@ -28,13 +28,12 @@ const BATCH: usize = 64;
 pub struct Evaluator {
     networks: AnyNetworks,
     seen: Seen,
-    fps: f64,
 }
 
 impl Evaluator {
     /// Takes networks as they are after training, without autodiff, on `device`.
-    pub(super) fn new(networks: AnyNetworks, seen: Seen, fps: f64) -> Self {
-        Self { networks, seen, fps }
+    pub(super) fn new(networks: AnyNetworks, seen: Seen) -> Self {
+        Self { networks, seen }
     }
 
     /// Its specification.
@@ -49,7 +48,7 @@ impl Evaluator {
 
     /// Frames per second of its motions.
     pub fn fps(&self) -> f64 {
-        self.fps
+        self.seen.fps
     }
 
     /// Parameters of both networks.
@@ -65,9 +64,9 @@ impl Evaluator {
         &self,
         motions: impl IntoIterator<Item = &'a [f32]>,
     ) -> Result<Embeddings, EvaluatorError> {
-        let rows = motions.into_iter().map(|motion| self.seen.rows(motion));
-        let rows = rows.collect::<Result<Vec<_>, _>>()?;
-        let windows: Vec<&[f32]> = rows.iter().map(|rows| self.seen.first_window(rows)).collect();
+        let frames = motions.into_iter().map(|motion| self.seen.frames(motion));
+        let frames = frames.collect::<Result<Vec<_>, _>>()?;
+        let windows: Vec<&[f32]> = frames.iter().map(|own| self.seen.first_window(own)).collect();
         self.embedded(&windows, self.seen.channels(), |rows| self.networks.motions(rows))
     }
 
@@ -106,7 +105,7 @@ impl Evaluator {
     pub fn save(&self, folder: &Path) -> Result<(), EvaluatorError> {
         let mut tensors = weights::of_module(&self.networks);
         weights::insert_stats(&mut tensors, self.stats());
-        let saved = Saved { spec: self.spec().clone(), fps: self.fps };
+        let saved = Saved { spec: self.spec().clone(), fps: self.fps() };
         Ok(described::save(folder, SPEC, &saved, &tensors)?)
     }
 
@@ -124,10 +123,10 @@ impl Evaluator {
         if let Some(problem) = problem.or_else(|| described::no_rate(fps)) {
             return Err(FileError::damaged(&folder.join(SPEC), problem).into());
         }
-        let seen = Seen { spec, stats: weights::take_stats(&mut tensors)? };
+        let seen = Seen { spec, stats: weights::take_stats(&mut tensors)?, fps };
         let mut unused = ChaCha8Rng::seed_from_u64(0);
         let networks = AnyNetworks::init(&seen.spec, seen.n_features(), &mut unused, device);
-        Ok(Self::new(weights::into_module(networks, tensors)?, seen, fps))
+        Ok(Self::new(weights::into_module(networks, tensors)?, seen))
     }
 }
 

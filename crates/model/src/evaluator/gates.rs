@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 use super::EvaluatorError;
 use super::codec::Evaluator;
 use super::corruption::{Corruption, Motion};
-use super::truth::{Embedded, Truth, orders, swapped};
+use super::truth::{Embedded, Truth, orders};
 use crate::data::MotionSource;
+use crate::draws::swapped;
 use crate::progress::moved;
 use crate::scores::{Embeddings, Gaussian, POOL, Repeated, distance, frechet_distance, retrieval};
 
@@ -133,16 +134,16 @@ fn fid_by_n(motions: &Embeddings) -> Result<Vec<(usize, Repeated)>, EvaluatorErr
 }
 
 fn corrupted(truth: &Truth, evaluator: &Evaluator) -> Result<Vec<Corrupted>, EvaluatorError> {
-    let (stats, fps) = (evaluator.stats(), evaluator.fps());
+    let (stats, fps, least) = (evaluator.stats(), evaluator.fps(), evaluator.spec().frames());
     let (before, n) = (&truth.embedded.motions, truth.n_clips());
     let gaussian = Gaussian::of(before)?;
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let mut found = Vec::new();
     for corruption in Corruption::ALL {
-        for strength in corruption.strengths() {
+        for &strength in corruption.strengths() {
             let worse = |features: &Vec<f32>| {
                 moved();
-                corruption.of(&Motion { features, stats, fps }, strength, &mut rng)
+                corruption.of(&Motion { features, stats, fps, least }, strength, &mut rng)
             };
             let worse: Vec<Vec<f32>> = truth.features.iter().map(worse).collect();
             let motions = evaluator.motions(worse.iter().map(Vec::as_slice))?;

@@ -42,7 +42,7 @@ pub use corruption::Corruption;
 pub use gates::{Corrupted, Gates, SameCaption, Swapped, halves_fid, measure};
 pub use report::{EvaluatorReport, Verdict, table};
 pub use train::{Course, TrainedEvaluator, ValidationLine, train};
-pub use truth::{Embedded, OneScore, Truth, swapped};
+pub use truth::{Embedded, OneScore, Truth};
 
 use crate::data::DataError;
 use crate::failure::FailureKind;
@@ -129,9 +129,9 @@ mod tests {
     }
 
     fn untrained(spec: &EvaluatorSpec, source: &Procedural) -> Evaluator {
-        let seen = Seen { spec: spec.clone(), stats: source.stats().clone() };
+        let seen = Seen { spec: spec.clone(), stats: source.stats().clone(), fps: 20.0 };
         let networks = fresh(spec, seen.n_features(), &Device::flex());
-        Evaluator::new(networks, seen, 20.0)
+        Evaluator::new(networks, seen)
     }
 
     fn trained(spec: &EvaluatorSpec, source: &Procedural) -> TrainedEvaluator {
@@ -146,12 +146,23 @@ mod tests {
     /// An untrained evaluator fails the gates; a trained one passes them.
     #[test]
     fn gates_tell_a_trained_evaluator_from_an_untrained_one() {
-        gates_tell(KINDS[0], 0.2);
+        let (before, after) = gates_tell(KINDS[0], 0.15);
+        let jitter = |gates: &Gates| {
+            let last = |own: &&Corrupted| own.corruption == Corruption::Jitter;
+            let jitter = gates.corrupted.iter().rfind(last).unwrap();
+            jitter.halves_fid.mean / gates.halves_fid.mean
+        };
+        assert!(
+            jitter(&before) < 1.5 && jitter(&after) > 3.0,
+            "{} {}",
+            jitter(&before),
+            jitter(&after)
+        );
         // A recurrence learns more slowly.
-        gates_tell(KINDS[1], 0.1);
+        gates_tell(&format!("{}, corrupted: 0", KINDS[1]), 0.1);
     }
 
-    fn gates_tell(kind: &str, least: f64) {
+    fn gates_tell(kind: &str, least: f64) -> (Gates, Gates) {
         let (source, spec) = (source(), of_kind(kind, 120));
         let before = measure(&untrained(&spec, &source), &source).unwrap();
         let TrainedEvaluator { evaluator, course } = trained(&spec, &source);
@@ -168,6 +179,7 @@ mod tests {
         let lowest = course.log.iter().map(|line| line.val_loss).fold(f64::INFINITY, f64::min);
         let best = course.log.iter().find(|line| line.step == course.best_step).unwrap();
         assert_eq!(best.val_loss, lowest);
+        (before, after)
     }
 
     #[test]

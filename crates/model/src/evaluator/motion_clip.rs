@@ -55,7 +55,7 @@ impl Networks for Towers {
     }
 
     fn loss(&self, pairs: &Pairs, _rng: Option<&mut ChaCha8Rng>) -> Tensor<1> {
-        let motions = self.motion.embed(&pairs.motions);
+        let motions = self.motion.embed(&pairs.motions.and(&pairs.corrupted));
         let captions = self.caption.embed(&pairs.captions);
         contrast(motions, captions, self.log_scale.val(), &pairs.caption_ids)
     }
@@ -150,24 +150,31 @@ const MOST_SCALE: f64 = 100.0;
 /// The stand-in for −∞ for excluded pairs.
 const LEFT_OUT: f64 = -1e9;
 
-/// Symmetric InfoNCE of unit vectors, `[n, e]` each, in nats, `[1]`: the mean cross-entropy of finding a motion's
-/// caption in the batch, and a caption's motion.
+/// Symmetric InfoNCE of unit vectors of `n` captions and of `n` motions or more, `[·, e]` each, in nats, `[1]`: the mean
+/// cross-entropy of finding a motion's caption in the batch, and a caption's motion.
 ///
-/// Other pairs with the same caption are no negatives: they are left out.
+/// Motions behind the first n, which have no caption, are wrong answers. Other pairs with the same caption are no
+/// negatives: they are left out.
 fn contrast(
-    motions_ne: Tensor<2>,
+    motions_me: Tensor<2>,
     captions_ne: Tensor<2>,
     log_scale: Tensor<1>,
     caption_ids: &[u32],
 ) -> Tensor<1> {
-    let (n, device) = (caption_ids.len(), motions_ne.device());
+    let (n, device) = (caption_ids.len(), motions_me.device());
     let scale = log_scale.clamp_max(MOST_SCALE.ln()).exp().unsqueeze::<2>();
-    let cosines_nn = motions_ne.matmul(captions_ne.transpose());
-    let logits_nn = cosines_nn.mul(scale).mask_fill(same(caption_ids, &device), LEFT_OUT);
+    let logits_nm = captions_ne.matmul(motions_me.transpose()).mul(scale);
+    let logits_nn = logits_nm.clone().slice([0..n, 0..n]);
+    let logits_nn = logits_nn.mask_fill(same(caption_ids, &device), LEFT_OUT);
     let own_nn = Tensor::<2>::eye(n, &device);
-    let cross_entropy =
-        |logits_nn| (log_softmax(logits_nn, 1) * own_nn.clone()).sum().neg() / n as f64;
-    (cross_entropy(logits_nn.clone()) + cross_entropy(logits_nn.transpose())) * 0.5
+    let cross_entropy = |logits: Tensor<2>| {
+        (log_softmax(logits, 1).slice([0..n, 0..n]) * own_nn.clone()).sum().neg() / n as f64
+    };
+    let of_captions = match logits_nm.dims()[1] {
+        all if all > n => Tensor::cat(vec![logits_nn.clone(), logits_nm.slice([0..n, n..all])], 1),
+        _ => logits_nn.clone(),
+    };
+    (cross_entropy(of_captions) + cross_entropy(logits_nn.transpose())) * 0.5
 }
 
 /// Different pairs with the same caption.
@@ -187,6 +194,26 @@ mod tests {
         let [motions, captions] = [motions, captions].map(|v| Tensor::from_data(v, &device));
         let log_scale = Tensor::from_data([2f32.ln()], &device);
         f64::from(contrast(motions, captions, log_scale, &ids).into_scalar::<f32>())
+    }
+
+    #[test]
+    fn a_motion_without_a_caption_is_a_wrong_answer_to_every_caption() {
+        let device = Device::flex();
+        let of = |motions: Vec<[f32; 2]>| {
+            let motions =
+                Tensor::from_data(TensorData::new(motions.concat(), [motions.len(), 2]), &device);
+            let captions = Tensor::from_data([[1.0, 0.0], [0.0, 1.0]], &device);
+            let log_scale = Tensor::from_data([0f32], &device);
+            f64::from(contrast(motions, captions, log_scale, &[0, 1]).into_scalar::<f32>())
+        };
+        let e = 1f64.exp();
+        let [alone, beside] = [e + 1.0, e + 1.0 + (-1f64).exp()].map(|sum| sum.ln() - 1.0);
+        let [right, up, down] = [[1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
+        assert!((of(vec![right, up]) - alone).abs() < 1e-6);
+        // The first caption is at a right angle to the third motion, the second opposite.
+        let first = (e + 2.0).ln() - 1.0;
+        let expected = (alone + 0.5 * (first + beside)) / 2.0;
+        assert!((of(vec![right, up, down]) - expected).abs() < 1e-6);
     }
 
     /// By hand: cosines 1, 0 and −1, times 2.

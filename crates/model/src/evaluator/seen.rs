@@ -10,11 +10,13 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::EvaluatorError;
+use super::corruption::{Corruption, Motion};
 use crate::data::{FeatureStats, MotionSource, Split};
-use crate::draws::{below, distinct, unit};
+use crate::draws::{below, distinct, stream, unit};
+use crate::motion::{POSITIONS, VELOCITIES, complete_features};
 use crate::ops::SequenceLayout;
 use crate::progress::moved;
-use crate::spec::EvaluatorSpec;
+use crate::spec::{EvaluatorFeatures, EvaluatorSpec};
 use crate::text::{HashedNgrams, TextEncoder};
 
 // [`Rows`]: sequences of vectors, one after another.
@@ -37,6 +39,15 @@ impl Rows {
             rows.lengths.push(sequence.len() / channels);
         }
         rows
+    }
+
+    /// These sequences, and others of as many channels behind them.
+    #[must_use]
+    pub fn and(&self, others: &Self) -> Self {
+        let mut all = self.clone();
+        all.values.extend_from_slice(&others.values);
+        all.lengths.extend_from_slice(&others.lengths);
+        all
     }
 
     /// Sequences in which every row sees every other, with one more before the first.
@@ -70,12 +81,18 @@ impl Rows {
 /// Normalised values lie within ± this.
 const BOUND: f32 = 10.0;
 
+/// Deviation of a joint's change of velocity from frame to frame, as a share of the deviation of its velocity: 0.36 on
+/// bandai-motion.
+const ACCELERATION: f32 = 0.4;
+
 /// How an evaluator sees motions: by its spec and the statistics of its training split.
 #[derive(Clone, Debug)]
 pub struct Seen {
     pub spec: EvaluatorSpec,
     /// The normalisation.
     pub stats: FeatureStats,
+    /// Frames per second.
+    pub fps: f64,
 }
 
 impl Seen {
@@ -94,18 +111,18 @@ impl Seen {
         self.spec.window / self.spec.frames()
     }
 
-    /// The first window of rows, or all if there are fewer.
-    pub fn first_window<'a>(&self, rows: &'a [f32]) -> &'a [f32] {
-        &rows[..rows.len().min(self.window_rows() * self.channels())]
+    /// The first window of frames, or all whole rows if there are fewer.
+    pub fn first_window<'a>(&self, frames: &'a [f32]) -> &'a [f32] {
+        let rows = frames.len() / self.channels();
+        &frames[..rows.min(self.window_rows()) * self.channels()]
     }
 
-    /// The rows of a motion, `[T, all features]` row-major and raw, without frames after the last whole row.
+    /// The frames of a motion, `[T, all features]` row-major and raw, as rows are made of.
     ///
     /// # Errors
     /// It has other features, or fewer frames than a row.
-    pub fn rows(&self, features: &[f32]) -> Result<Vec<f32>, EvaluatorError> {
-        let FeatureStats { mean, std } = &self.stats;
-        let (all, seen) = (mean.len(), self.n_features());
+    pub fn frames(&self, features: &[f32]) -> Result<Vec<f32>, EvaluatorError> {
+        let all = self.stats.mean.len();
         if !features.len().is_multiple_of(all) {
             return Err(EvaluatorError::Features { values: features.len(), wanted: all });
         }
@@ -113,12 +130,36 @@ impl Seen {
         if n_frames < least {
             return Err(EvaluatorError::TooShort { n_frames, least });
         }
-        let whole = n_frames / least * least;
-        let standard =
-            |((x, mean), std): ((&f32, &f32), &f32)| ((x - mean) / std).clamp(-BOUND, BOUND);
-        let frames = features.chunks_exact(all).take(whole);
-        let values = frames.flat_map(|frame| frame[..seen].iter().zip(mean).zip(std).map(standard));
-        Ok(values.collect())
+        match self.spec.representation {
+            EvaluatorFeatures::Moving => Ok(self.standard(&self.moving(features))),
+            _ => Ok(self.standard(features)),
+        }
+    }
+
+    /// The features that follow from the root and the joints' positions.
+    fn moving(&self, features: &[f32]) -> Vec<f32> {
+        let frames = features.chunks_exact(self.stats.mean.len());
+        let known: Vec<f32> = frames.flat_map(|frame| &frame[..POSITIONS.end]).copied().collect();
+        complete_features(&known, self.fps)
+    }
+
+    /// The columns that are seen, normalised.
+    fn standard(&self, features: &[f32]) -> Vec<f32> {
+        let FeatureStats { mean, std } = &self.stats;
+        let (all, bounded) = (mean.len(), |value: f32| value.clamp(-BOUND, BOUND));
+        let columns = self.spec.representation.columns(all);
+        let mut values = Vec::with_capacity(features.len() / all * self.n_features());
+        let mut frames = features.chunks_exact(all).peekable();
+        while let Some(frame) = frames.next() {
+            let seen = columns.iter().cloned().flatten();
+            values.extend(seen.map(|i| bounded((frame[i] - mean[i]) / std[i])));
+            if self.spec.representation == EvaluatorFeatures::Moving {
+                let next = frames.peek().unwrap_or(&frame);
+                let change = |i: usize| (next[i] - frame[i]) / (std[i] * ACCELERATION);
+                values.extend(VELOCITIES.map(|i| bounded(change(i))));
+            }
+        }
+        values
     }
 }
 
@@ -130,10 +171,15 @@ pub fn words(caption: &str, spec: &EvaluatorSpec) -> Vec<f32> {
 
 // [`Pool`]: clips and their captions in memory, in the evaluator's form.
 
+/// The stream of the corruption of the first clip, far above those of steps.
+const FIRST_COPY_STREAM: u64 = 1 << 40;
+
 /// Motions and captions of a batch, side by side.
 #[derive(Clone, Debug)]
 pub struct Pairs {
     pub motions: Rows,
+    /// The first of these motions, corrupted.
+    pub corrupted: Rows,
     pub captions: Rows,
     /// Equal where captions are.
     pub caption_ids: Vec<u32>,
@@ -142,8 +188,10 @@ pub struct Pairs {
 /// Clips of a split.
 pub struct Pool<'a> {
     seen: &'a Seen,
-    /// Normalised, in whole rows.
+    /// Normalised.
     clips: Vec<Vec<f32>>,
+    /// A corrupted copy of each clip; none if the evaluator learns from true motions alone.
+    corrupted: Vec<Vec<f32>>,
     /// The captions of each clip, by id.
     captions: Vec<Vec<u32>>,
     /// The words of each caption.
@@ -167,11 +215,23 @@ impl<'a> Pool<'a> {
         let chosen: Vec<usize> = chosen.collect();
         let load = |&clip: &usize| {
             moved();
-            seen.rows(&source.features(split, clip)?)
+            seen.frames(&source.features(split, clip)?)
         };
         let clips = chosen.par_iter().map(load).collect::<Result<_, _>>()?;
+        let (fps, least) = (seen.fps, seen.spec.frames());
+        let worse = |&clip: &usize| {
+            moved();
+            let (features, stats) = (&source.features(split, clip)?, &seen.stats);
+            let motion = Motion { features, stats, fps, least };
+            seen.frames(&Corruption::any(
+                &motion,
+                &mut stream(seen.spec.seed, FIRST_COPY_STREAM + clip as u64),
+            ))
+        };
+        let copied: &[usize] = if seen.spec.n_corrupted() > 0 { &chosen } else { &[] };
+        let corrupted = copied.par_iter().map(worse).collect::<Result<_, _>>()?;
         let (captions, words) = captions_of(source, split, &chosen, &seen.spec);
-        Ok(Self { seen, clips, captions, words })
+        Ok(Self { seen, clips, corrupted, captions, words })
     }
 
     /// A batch of different clips: a random window of each, and a random caption, of which some words
@@ -179,22 +239,29 @@ impl<'a> Pool<'a> {
     pub fn drawn(&self, rng: &mut ChaCha8Rng) -> Pairs {
         let spec = &self.seen.spec;
         let clips = distinct(self.clips.len(), spec.batch, rng);
-        let windows: Vec<&[f32]> = clips.iter().map(|&clip| self.window(clip, rng)).collect();
+        let windows: Vec<_> = clips.iter().map(|&clip| (clip, self.window(clip, rng))).collect();
         let pick = |&clip: &usize| self.captions[clip][below(rng, self.captions[clip].len())];
         let caption_ids: Vec<u32> = clips.iter().map(pick).collect();
         let thinned = |&id: &u32| thinned(&self.words[id as usize], spec, rng);
         let captions: Vec<Vec<f32>> = caption_ids.iter().map(thinned).collect();
-        self.pairs(windows, captions.iter().map(Vec::as_slice), caption_ids)
+        self.pairs(&windows, captions.iter().map(Vec::as_slice), caption_ids)
     }
 
+    /// Clips with a window of each, beside captions.
     fn pairs<'b>(
         &self,
-        motions: impl IntoIterator<Item = &'b [f32]>,
+        windows: &[(usize, Range<usize>)],
         captions: impl IntoIterator<Item = &'b [f32]>,
         caption_ids: Vec<u32>,
     ) -> Pairs {
+        let (channels, n_corrupted) = (self.seen.channels(), self.seen.spec.n_corrupted());
+        let of = |all: &[Vec<f32>], most: usize| {
+            let some = windows.iter().take(most);
+            Rows::of(some.map(|(clip, window)| &all[*clip][window.clone()]), channels)
+        };
         Pairs {
-            motions: Rows::of(motions, self.seen.channels()),
+            motions: of(&self.clips, windows.len()),
+            corrupted: of(&self.corrupted, n_corrupted),
             captions: Rows::of(captions, self.seen.spec.word_dim),
             caption_ids,
         }
@@ -208,19 +275,20 @@ impl<'a> Pool<'a> {
         let own = |&clip: &usize| self.captions[clip][clip % self.captions[clip].len()];
         let plain = |clips: &[usize]| {
             let ids: Vec<u32> = clips.iter().map(own).collect();
-            let motions = clips.iter().map(|&clip| self.seen.first_window(&self.clips[clip]));
-            self.pairs(motions, ids.iter().map(|&id| &self.words[id as usize][..]), ids.clone())
+            let first = |&clip: &usize| (clip, 0..self.seen.first_window(&self.clips[clip]).len());
+            let windows: Vec<_> = clips.iter().map(first).collect();
+            self.pairs(&windows, ids.iter().map(|&id| &self.words[id as usize][..]), ids.clone())
         };
         batches.map(plain).collect()
     }
 
-    /// A random window of a clip, in whole rows; all of a shorter one.
-    fn window(&self, clip: usize, rng: &mut ChaCha8Rng) -> &[f32] {
-        let (own, channels) = (&self.clips[clip], self.seen.channels());
-        let rows = own.len() / channels;
-        let taken = self.seen.window_rows().min(rows);
-        let start = below(rng, rows - taken + 1);
-        &own[start * channels..(start + taken) * channels]
+    /// A random window of a clip, in whole rows that begin at any frame; as many rows as it has of a shorter one.
+    fn window(&self, clip: usize, rng: &mut ChaCha8Rng) -> Range<usize> {
+        let (own, channels, width) =
+            (self.clips[clip].len(), self.seen.channels(), self.seen.n_features());
+        let taken = self.seen.window_rows().min(own / channels) * channels;
+        let start = below(rng, (own - taken) / width + 1) * width;
+        start..start + taken
     }
 }
 

@@ -67,7 +67,8 @@ pub fn train(
     checkpoints: Option<&Checkpoints>,
     progress: &mut Progress,
 ) -> Result<TrainedEvaluator, EvaluatorError> {
-    let seen = Seen { spec: spec.clone(), stats: source.stats().clone() };
+    let (stats, fps) = (source.stats().clone(), f64::from(source.fps()));
+    let seen = Seen { spec: spec.clone(), stats, fps };
     let pool = |split, most, of| Pool::load(source, split, &seen, most, &mut stream(spec.seed, of));
     let learner = Contrasting {
         spec,
@@ -81,7 +82,7 @@ pub fn train(
     let wall_s = learning.wall_s();
     let Contrasting { best, totals, .. } = learning.into_learner();
     let (line, networks) = best.expect("measured after the last step");
-    let evaluator = Evaluator::new(networks, seen.clone(), f64::from(source.fps()));
+    let evaluator = Evaluator::new(networks, seen.clone());
     let course = Course { best_step: line.step, log: totals.log, wall_s };
     Ok(TrainedEvaluator { evaluator, course })
 }

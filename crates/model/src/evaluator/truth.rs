@@ -98,16 +98,6 @@ pub fn orders(n: usize, times: usize) -> impl Iterator<Item = Vec<usize>> {
     (0..times).map(move |_| distinct(n, n, &mut rng))
 }
 
-/// A permutation of `n` items in which a random `share` of them is swapped.
-pub fn swapped(n: usize, share: f64, rng: &mut ChaCha8Rng) -> Vec<usize> {
-    let drawn = distinct(n, (share * n as f64).round() as usize, rng);
-    let mut of: Vec<usize> = (0..n).collect();
-    for (to, from) in drawn.iter().zip(drawn.iter().cycle().skip(1)) {
-        of[*to] = *from;
-    }
-    of
-}
-
 // Scores of motions that were made.
 
 /// The scores of one set of motions.
@@ -162,21 +152,5 @@ impl MotionScores {
             cosine: repeated(|score| score.cosine)?,
             diversity: repeated(|score| score.diversity)?,
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn as_many_are_swapped_as_asked_for_and_none_is_lost() {
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        for (share, moved) in [(0.0, 0), (0.3, 30), (1.0, 100)] {
-            let mut of = swapped(100, share, &mut rng);
-            assert_eq!(of.iter().enumerate().filter(|(to, from)| to != *from).count(), moved);
-            of.sort_unstable();
-            assert_eq!(of, Vec::from_iter(0..100));
-        }
     }
 }

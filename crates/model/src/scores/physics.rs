@@ -8,15 +8,18 @@ use crate::motion::{CONTACT_JOINTS, PARENTS, Pose};
 /// A foot below this height, in metres, in two frames counts as on the floor.
 const ON_FLOOR: f32 = 0.05;
 
-/// A foot on the floor that moves faster than this, in metres a second, slides: 2.5 cm a frame of 20 a
-/// second.
+/// A foot on the floor that moves faster than this, in metres a second, in a step and on the mean of the steps around
+/// it, slides: 2.5 cm a frame of 20 a second.
 const SLIDING: f64 = 0.5;
+
+/// Steps of this mean on either side of a step; steps beyond the ends count as still.
+const AROUND: usize = 2;
 
 /// Physical implausibility of a motion; 0 is best except for jerk, which should be compared with true motions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Physics {
-    /// Share of the steps from frame to frame in which a foot on the floor slides (Karunratanakul et
-    /// al. 2023).
+    /// Skating ratio: share of the steps from frame to frame in which a foot on the floor slides, as the code of
+    /// Karunratanakul et al. (2023) counts them.
     pub foot_skate: f64,
     /// Mean size of the third derivative of the joints' places, in m/s³.
     pub jerk: f64,
@@ -41,15 +44,25 @@ pub fn physics(poses: &[Pose], fps: f64) -> Result<Physics, ScoreError> {
 }
 
 fn foot_skate(poses: &[Pose], fps: f64) -> f64 {
-    let slides = |step: &[Pose], toe: usize| {
-        let [a, b] = [step[0][toe], step[1][toe]];
-        let moved = f64::from((b[0] - a[0]).hypot(b[2] - a[2])) * fps;
-        a[1].max(b[1]) < ON_FLOOR && moved > SLIDING
-    };
     // Of ankle and toe of each foot, the toes.
-    let toes = [CONTACT_JOINTS[1], CONTACT_JOINTS[3]];
-    let sliding = poses.windows(2).filter(|step| toes.iter().any(|toe| slides(step, *toe)));
+    let [left, right] = [CONTACT_JOINTS[1], CONTACT_JOINTS[3]].map(|toe| slides(poses, toe, fps));
+    let sliding = left.iter().zip(&right).filter(|(left, right)| **left || **right);
     sliding.count() as f64 / (poses.len() - 1) as f64
+}
+
+/// Whether a toe slides, step by step.
+fn slides(poses: &[Pose], toe: usize, fps: f64) -> Vec<bool> {
+    let steps = poses.windows(2).map(|step| [step[0][toe], step[1][toe]]);
+    let speed = |[a, b]: [[f32; 3]; 2]| f64::from((b[0] - a[0]).hypot(b[2] - a[2])) * fps;
+    let speeds: Vec<f64> = steps.clone().map(speed).collect();
+    let around = |step: usize| {
+        let window = step.saturating_sub(AROUND)..(step + AROUND + 1).min(speeds.len());
+        speeds[window].iter().sum::<f64>() / (2 * AROUND + 1) as f64
+    };
+    let slides = |(step, [a, b]): (usize, [[f32; 3]; 2])| {
+        a[1].max(b[1]) < ON_FLOOR && speeds[step] > SLIDING && around(step) > SLIDING
+    };
+    steps.enumerate().map(slides).collect()
 }
 
 /// Mean size of the third derivative of the joints' places, in m/s³, of four frames or more.
@@ -124,7 +137,16 @@ mod tests {
             let poses = body(11, 20.0, |t| [speed * t, height, 0.0]);
             physics(&poses, 20.0).unwrap().foot_skate
         };
-        assert_eq!([at(-1.1, 0.6), at(-1.1, 0.4), at(-0.8, 0.6)], [1.0, 0.0, 0.0]);
+        assert_eq!([at(-1.1, 0.9), at(-1.1, 0.4), at(-0.8, 0.9)], [1.0, 0.0, 0.0]);
+        // At either end, three and four fifths of 0.6 m/s are too slow.
+        assert_eq!(at(-1.1, 0.6), 0.6);
+    }
+
+    #[test]
+    fn a_foot_that_jumps_once_does_not_slide() {
+        let jump = |t: f64| if t > 0.4 { 0.1 } else { 0.0 };
+        let poses = body(17, 20.0, |t| [jump(t), -1.1, 0.0]);
+        assert_eq!(physics(&poses, 20.0).unwrap().foot_skate, 0.0, "2 m/s, 0.4 on the mean");
     }
 
     #[test]

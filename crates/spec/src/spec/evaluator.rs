@@ -2,15 +2,19 @@
 //! file ([`EvaluatorSection`]), which it follows from.
 
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{KeyProblem, Representation, failed, out_of_range};
+use super::{KeyProblem, failed, out_of_range};
 use crate::units::number::plain;
 use crate::units::{or_default, section};
 
-plain!(EvaluatorKind, Mismatches);
+plain!(EvaluatorKind, EvaluatorFeatures, Mismatches);
+
+/// Raised when the same spec would train to other bits, or be measured by other gates.
+pub const EVALUATOR_REVISION: u32 = 4;
 
 /// The kind of networks, as in a sweep file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -24,6 +28,39 @@ pub enum EvaluatorKind {
     /// margin (Guo et al. 2022), trained in one stage. Theirs has `width: 512, dim: 512, mismatches:
     /// shifted`.
     Matching,
+}
+
+/// Features of a frame that an evaluator sees.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum EvaluatorFeatures {
+    /// All 263 of HumanML3D, as the motion has them.
+    Full,
+    /// The first 67: the root and the positions of the joints.
+    Meng67,
+    /// These, and the velocities, contacts and accelerations of the joints, which are computed from them.
+    #[default]
+    Moving,
+}
+
+/// Accelerations of the joints.
+const ACCELERATIONS: usize = 66;
+
+impl EvaluatorFeatures {
+    /// The columns that are seen, out of `all`.
+    pub fn columns(self, all: usize) -> [Range<usize>; 2] {
+        match self {
+            Self::Full => [0..all, all..all],
+            Self::Meng67 => [0..all.min(67), all..all],
+            Self::Moving => [0..all.min(67), all.min(193)..all],
+        }
+    }
+
+    /// The number of features, with accelerations behind the columns.
+    pub fn n_features(self, all: usize) -> usize {
+        let columns = self.columns(all).into_iter().map(|columns| columns.len()).sum::<usize>();
+        if self == Self::Moving { columns + ACCELERATIONS } else { columns }
+    }
 }
 
 /// The keys shared by all kinds, with their defaults, for the section and for the resolved form.
@@ -56,9 +93,12 @@ macro_rules! shared {
                 /// (0.2).
                 dropout: Option<f64> = None, 0 to 0.999, unless "Option::is_none";
                 /// Features of a frame that it sees.
-                representation: Representation = Representation::Meng67;
+                representation: EvaluatorFeatures = EvaluatorFeatures::default();
                 /// The highest learning rate: 5e-4, for `kind: matching` 2e-3.
                 lr: Option<f64> = None, 1e-12 to 1e30, unless "Option::is_none";
+                /// Share of the clips of a step that bring a corrupted copy, which is a wrong answer to
+                /// their captions.
+                corrupted: f64 = 0.5, 0 to 1;
                 $($(#[$about])* $key: $type = $default, $low to $high;)*
             }
         }
@@ -68,8 +108,11 @@ macro_rules! shared {
         #[serde(deny_unknown_fields)]
         pub struct EvaluatorSpec {
             pub networks: NetworksSpec,
-            pub representation: Representation,
+            pub representation: EvaluatorFeatures,
             pub lr: f64,
+            /// Absent in files of evaluators that learned from true motions alone.
+            #[serde(default)]
+            pub corrupted: f64,
             $($(#[$about])* pub $key: $type,)*
         }
 
@@ -83,6 +126,7 @@ macro_rules! shared {
                         EvaluatorKind::MotionClip => 5e-4,
                         EvaluatorKind::Matching => 2e-3,
                     }),
+                    corrupted: self.corrupted,
                     $($key: self.$key,)*
                 }
             }
@@ -171,10 +215,16 @@ impl EvaluatorSpec {
         self.lr * 0.5 * (1.0 + (PI * done as f64 / all.max(1) as f64).cos())
     }
 
+    /// Clips of a step that bring a corrupted copy.
+    pub fn n_corrupted(&self) -> usize {
+        (self.corrupted * self.batch as f64).round() as usize
+    }
+
     /// FLOPs that training counts for.
     pub fn training_flops(&self) -> f64 {
-        let rows = self.window.div_ceil(self.frames().max(1)) + self.max_words;
-        3.0 * (self.steps * self.batch * rows) as f64 * self.networks.flops_per_row(rows)
+        let motion = self.window.div_ceil(self.frames().max(1));
+        let all = (self.batch + self.n_corrupted()) * motion + self.batch * self.max_words;
+        3.0 * (self.steps * all) as f64 * self.networks.flops_per_row(motion + self.max_words)
     }
 }
 

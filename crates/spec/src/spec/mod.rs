@@ -50,8 +50,8 @@ pub use data::{
     TextEncoderKind, TextSpec, TextStates,
 };
 pub use evaluator::{
-    EvaluatorKind, EvaluatorSection, EvaluatorSpec, MatchingSpec, Mismatches, MotionClipSpec,
-    NetworksSpec,
+    EVALUATOR_REVISION, EvaluatorFeatures, EvaluatorKind, EvaluatorSection, EvaluatorSpec,
+    MatchingSpec, Mismatches, MotionClipSpec, NetworksSpec,
 };
 pub use generator::flops;
 pub use generator::{

@@ -66,10 +66,16 @@ impl Networks for MatchingNetworks {
     }
 
     fn loss(&self, pairs: &Pairs, rng: Option<&mut ChaCha8Rng>) -> Tensor<1> {
-        let motions = self.moved(&pairs.motions, rng);
+        let motions = self.moved(&pairs.motions.and(&pairs.corrupted), rng);
         let captions = self.captions(&pairs.captions);
         let MatchingSpec { margin, mismatches, .. } = self.sizes;
-        margin_loss(&motions, &captions, &pairs.caption_ids, margin, mismatches)
+        let (n, all) = (pairs.caption_ids.len(), motions.dims()[0]);
+        let own = motions.clone().slice([0..n]);
+        let loss = margin_loss(&own, &captions, &pairs.caption_ids, margin, mismatches);
+        if all == n {
+            return loss;
+        }
+        loss + pushed_apart(motions.slice([n..all]), captions, margin) * CORRUPTED_SHARE
     }
 }
 
@@ -166,6 +172,9 @@ fn rectified(x: Tensor<3>, dropout: f64, rng: Option<&mut ChaCha8Rng>) -> Tensor
 
 // The loss by which pairs are pulled together and pushed apart.
 
+/// Weight of corrupted motions beside mismatches. With 1, R@1 on CMU and Bandai motion falls from 0.322 to 0.218.
+const CORRUPTED_SHARE: f64 = 0.1;
+
 /// Added to squared distances, whose root has no slope at 0.
 const EPSILON: f64 = 1e-6;
 
@@ -185,6 +194,15 @@ fn margin_loss(
     let own = Tensor::<2>::eye(n, &device) / n as f64;
     let apart = relu(squares_nn.clone().sqrt().neg().add_scalar(margin)).powi_scalar(2);
     (squares_nn * own).sum() + (apart * Tensor::from_data(shares, &device)).sum()
+}
+
+/// Mean max(0, margin − d)² of the first captions and as many corrupted motions, `[1]`: each caption and the motion that
+/// would be its own.
+fn pushed_apart(motions_me: Tensor<2>, captions_ne: Tensor<2>, margin: f64) -> Tensor<1> {
+    let m = motions_me.dims()[0];
+    let squares_m1 = (motions_me - captions_ne.slice([0..m])).powi_scalar(2).sum_dim(1);
+    let distances_m1 = squares_m1.add_scalar(EPSILON).sqrt();
+    relu(distances_m1.neg().add_scalar(margin)).powi_scalar(2).mean()
 }
 
 /// |mᵢ − cⱼ|² + ε, `[n, n]`.
@@ -226,6 +244,15 @@ mod tests {
 
     fn is_near(found: [f64; 2], expected: [f64; 2]) -> bool {
         found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 2e-3)
+    }
+
+    #[test]
+    fn a_corrupted_motion_is_pushed_from_its_own_caption_up_to_the_margin() {
+        let device = Device::flex();
+        let motions = Tensor::from_data([[0.0, 0.0], [9.0, 0.0]], &device);
+        let captions = Tensor::from_data([[3.0, 4.0], [9.0, 12.0], [0.0, 0.0]], &device);
+        let loss = f64::from(pushed_apart(motions, captions, 10.0).into_scalar::<f32>());
+        assert!((loss - 25.0 / 2.0).abs() < 1e-3, "distances of 5 and 12: {loss}");
     }
 
     /// By hand: motions at 0, 3 and 30 on a line, captions at 1, 3 and 26.

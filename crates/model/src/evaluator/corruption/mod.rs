@@ -1,14 +1,16 @@
-//! [`Corruption`]: ways to make motions worse, to test that a score detects them.
+//! [`Corruption`]: ways to make motions worse, to test that a score detects them, and to train an evaluator by.
+
+mod joints;
+
+pub use joints::Motion;
 
 use std::ops::Range;
 
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::truth::swapped;
-use crate::data::FeatureStats;
-use crate::draws::normal_pair;
-use crate::motion::{N_FEATURES, VELOCITIES};
+use crate::draws::{below, normal_pair, swapped, unit};
+use crate::motion::{N_FEATURES, VELOCITIES, mirror_features};
 
 /// The column of the root's velocity along the facing direction, in metres a frame.
 const ROOT_FORWARD: usize = 2;
@@ -23,11 +25,39 @@ pub enum Corruption {
     Shuffling,
     /// The body slides forward, in metres a second: feet that stood on the floor do not any more.
     Sliding,
+    /// Poses that are held so many seconds each: 0.2 are stills of 5 Hz.
+    Stills,
+    /// Noise on the coordinates of every joint in every frame, in millimetres.
+    Jitter,
+    /// An offset of every joint that lasts four frames, in millimetres, as patches of a tokenizer make.
+    Steps,
+    /// The body drifts in a direction of the room, in metres a second.
+    Drift,
+    /// The motion is played so many times as fast, so it ends earlier.
+    Speed,
+    /// Left and right are exchanged, and the caption is kept.
+    Mirroring,
 }
+
+/// Frames of a patch.
+const PATCH: usize = 4;
 
 impl Corruption {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Noise, Self::Shuffling, Self::Sliding];
+    pub const ALL: [Self; 9] = [
+        Self::Noise,
+        Self::Shuffling,
+        Self::Sliding,
+        Self::Stills,
+        Self::Jitter,
+        Self::Steps,
+        Self::Drift,
+        Self::Speed,
+        Self::Mirroring,
+    ];
+
+    /// The ones of copies in training. Gates ask for the others too, which no evaluator has learned.
+    const LEARNED: [Self; 4] = [Self::Stills, Self::Jitter, Self::Steps, Self::Drift];
 
     /// The word in tables.
     pub fn name(self) -> &'static str {
@@ -35,15 +65,32 @@ impl Corruption {
             Self::Noise => "noise",
             Self::Shuffling => "shuffling",
             Self::Sliding => "sliding",
+            Self::Stills => "stills",
+            Self::Jitter => "jitter",
+            Self::Steps => "boundary steps",
+            Self::Drift => "root drift",
+            Self::Speed => "speed",
+            Self::Mirroring => "mirroring",
         }
     }
 
-    /// Strengths, ascending.
-    pub fn strengths(self) -> [f64; 3] {
+    /// Strengths, ascending; the last is the size at which a gate asks for it.
+    pub fn strengths(self) -> &'static [f64] {
         match self {
-            Self::Noise | Self::Shuffling => [0.1, 0.3, 1.0],
-            Self::Sliding => [0.25, 0.5, 1.0],
+            Self::Noise | Self::Shuffling => &[0.1, 0.3, 1.0],
+            Self::Sliding => &[0.25, 0.5, 1.0],
+            Self::Stills => &[0.1, 0.2],
+            Self::Jitter => &[2.5, 5.0, 10.0],
+            Self::Steps => &[5.0, 10.0, 20.0],
+            Self::Drift => &[0.1, 0.2, 0.4],
+            Self::Speed => &[1.15, 1.3],
+            Self::Mirroring => &[1.0],
         }
+    }
+
+    /// Whether an evaluator that does not see it scores nothing.
+    pub fn is_required(self) -> bool {
+        !matches!(self, Self::Speed | Self::Mirroring)
     }
 
     /// A motion, `[T, 263]` row-major and raw, made worse.
@@ -52,17 +99,22 @@ impl Corruption {
             Self::Noise => noisy(motion, strength, rng),
             Self::Shuffling => shuffled(motion, strength, rng),
             Self::Sliding => sliding(motion, strength),
+            Self::Stills => joints::held(motion, strength, rng),
+            Self::Jitter => joints::displaced(motion, strength, 1, rng),
+            Self::Steps => joints::displaced(motion, strength, PATCH, rng),
+            Self::Drift => joints::drifting(motion, strength, rng),
+            Self::Speed => joints::faster(motion, strength),
+            Self::Mirroring => mirror_features(motion.features),
         }
     }
-}
 
-/// A true motion.
-pub struct Motion<'a> {
-    /// `[T, 263]` row-major and raw.
-    pub features: &'a [f32],
-    pub stats: &'a FeatureStats,
-    /// Frames per second.
-    pub fps: f64,
+    /// A motion made worse in a way that is drawn, between its least and its last strength.
+    pub fn any(motion: &Motion, rng: &mut ChaCha8Rng) -> Vec<f32> {
+        let corruption = Self::LEARNED[below(rng, Self::LEARNED.len())];
+        let strengths = corruption.strengths();
+        let (least, most) = (strengths[0], strengths[strengths.len() - 1]);
+        corruption.of(motion, least + unit(rng) * (most - least), rng)
+    }
 }
 
 fn noisy(motion: &Motion, deviations: f64, rng: &mut ChaCha8Rng) -> Vec<f32> {
@@ -93,6 +145,7 @@ fn sliding(motion: &Motion, metres_a_second: f64) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::FeatureStats;
     use crate::motion::recover_joints;
     use rand_chacha::rand_core::SeedableRng;
 
@@ -103,7 +156,7 @@ mod tests {
     fn made(corruption: Corruption, strength: f64) -> (Vec<f32>, Vec<f32>) {
         let features: Vec<f32> = (0..40 * N_FEATURES).map(|i| (i / N_FEATURES) as f32).collect();
         let stats = FeatureStats { mean: vec![0.0; N_FEATURES], std: vec![0.5; N_FEATURES] };
-        let motion = Motion { features: &features, stats: &stats, fps: 20.0 };
+        let motion = Motion { features: &features, stats: &stats, fps: 20.0, least: 4 };
         let made = corruption.of(&motion, strength, &mut rng());
         (features, made)
     }
@@ -118,7 +171,7 @@ mod tests {
 
     #[test]
     fn shuffling_keeps_frames_and_moves_as_many_as_asked_for() {
-        for share in Corruption::Shuffling.strengths() {
+        for &share in Corruption::Shuffling.strengths() {
             let (features, made) = made(Corruption::Shuffling, share);
             let firsts = |values: &[f32]| -> Vec<f32> {
                 values.chunks_exact(N_FEATURES).map(|frame| frame[0]).collect()
@@ -138,7 +191,7 @@ mod tests {
         frame[3] = 1.0;
         let features = frame.repeat(21);
         let stats = FeatureStats { mean: vec![0.0; N_FEATURES], std: vec![1.0; N_FEATURES] };
-        let motion = Motion { features: &features, stats: &stats, fps: 20.0 };
+        let motion = Motion { features: &features, stats: &stats, fps: 20.0, least: 4 };
         let joints = recover_joints(&Corruption::Sliding.of(&motion, 0.5, &mut rng()));
         // Twenty steps of a twentieth of a second.
         assert!((joints[20][0][2] - joints[0][0][2] - 0.5).abs() < 1e-5);
