@@ -23,7 +23,11 @@ test:
 
 # Every parser under mutated files of a fresh seed, so many seconds a kind
 fuzz seconds="10":
-    ISOFLOP_FUZZ_SECONDS={{seconds}} cargo test --release --test fuzz -- --nocapture
+    ISOFLOP_FUZZ_SECONDS={{seconds}} cargo test --release --test fuzz -- --nocapture no_
+
+# The same with a number of inputs a kind; half an hour of one core
+fuzz-inputs inputs="100000":
+    ISOFLOP_FUZZ_INPUTS={{inputs}} cargo test --release --test fuzz -- --nocapture no_
 
 # Sweeps on a throw-away Slurm; wants slurm-wlm and munge. `just test-slurm --ignored` adds the slow one
 test-slurm *options:

@@ -1,8 +1,8 @@
 //! Each reader of files meets inputs that nobody meant to write: it reads them, or says in a sentence why not; it
 //! does not panic, hang, or take the machine's memory.
 //!
-//! `ISOFLOP_FUZZ_SECONDS` is the time of each kind, `ISOFLOP_FUZZ_INPUTS` a number of inputs in its place,
-//! `ISOFLOP_FUZZ_SEED` the seed, or `SEED:INPUT` for one input alone. A failure tells all of them.
+//! `ISOFLOP_FUZZ_SECONDS` is the time of each kind, `ISOFLOP_FUZZ_INPUTS` a number of inputs in its place, both with
+//! a fresh seed; `ISOFLOP_FUZZ_SEED` is the seed, or `SEED:INPUT` for one input alone. A failure tells all of them.
 
 #[path = "fuzz/harness.rs"]
 mod harness;

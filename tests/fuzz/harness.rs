@@ -37,7 +37,7 @@ const MOST_TOLD: usize = 8;
 /// An input fails.
 pub fn fuzz(kind: &Kind) {
     let _turn = TURN.lock().unwrap_or_else(|turn| turn.into_inner());
-    let (place, plan) = (place(kind), Plan::of_environment());
+    let (place, plan) = (place(kind, in_memory()), Plan::of_environment());
     let seeds = (kind.seeds)(&place);
     let mut tally = Tally::default();
     for seed in &seeds {
@@ -59,9 +59,9 @@ pub fn fuzz(kind: &Kind) {
             break;
         }
     }
+    let _ = fs::remove_dir_all(place);
     eprintln!("{}", tally.line(kind, plan.seed));
     assert!(tally.failed.is_empty(), "{}", tally.told(kind));
-    let _ = fs::remove_dir_all(place);
 }
 
 /// Meets the kept inputs of a kind.
@@ -72,7 +72,7 @@ pub fn replay(kind: &Kind) {
     let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/fuzz").join(kind.name);
     let Ok(entries) = fs::read_dir(&kept) else { return };
     let _turn = TURN.lock().unwrap_or_else(|turn| turn.into_inner());
-    let place = place(kind);
+    let place = place(kind, in_memory());
     let _ = (kind.seeds)(&place);
     let mut tally = Tally::default();
     for entry in entries {
@@ -80,8 +80,8 @@ pub fn replay(kind: &Kind) {
         let bytes = fs::read(&path).expect("a readable file");
         tally.read(kind, &place, &bytes, &path.display().to_string());
     }
-    assert!(tally.failed.is_empty(), "{}", tally.told(kind));
     let _ = fs::remove_dir_all(place);
+    assert!(tally.failed.is_empty(), "{}", tally.told(kind));
 }
 
 /// Meets one input that is made up.
@@ -90,22 +90,32 @@ pub fn replay(kind: &Kind) {
 /// It fails.
 pub fn one(kind: &Kind, bytes: &[u8]) {
     let _turn = TURN.lock().unwrap_or_else(|turn| turn.into_inner());
-    let place = place(kind);
+    let place = place(kind, on_disk());
     let _ = (kind.seeds)(&place);
     let mut tally = Tally::default();
     tally.read(kind, &place, bytes, "made up");
+    let _ = fs::remove_dir_all(place);
     eprintln!("{}", tally.line(kind, 0));
     assert!(tally.failed.is_empty(), "{}", tally.told(kind));
-    let _ = fs::remove_dir_all(place);
 }
 
-/// An empty folder for the files of a kind.
-fn place(kind: &Kind) -> PathBuf {
+/// An empty folder for the files of a kind, of this process alone.
+fn place(kind: &Kind, parent: &Path) -> PathBuf {
     hold_panics();
-    let place = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fuzz").join(kind.name);
+    let place = parent.join(format!("isoflop-fuzz-{}-{}", process::id(), kind.name));
     let _ = fs::remove_dir_all(&place);
     fs::create_dir_all(&place).expect("a writable folder");
     place
+}
+
+fn on_disk() -> &'static Path {
+    Path::new(env!("CARGO_TARGET_TMPDIR"))
+}
+
+/// A folder in memory, if there is one: readers that write whole files wait for a disk longer than they work.
+fn in_memory() -> &'static Path {
+    let memory = Path::new("/dev/shm");
+    if memory.is_dir() { memory } else { on_disk() }
 }
 
 // What the environment asks for.
@@ -128,19 +138,14 @@ impl Plan {
         };
         let clock =
             || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |t| t.as_millis() as u64);
-        let seconds = number("ISOFLOP_FUZZ_SECONDS");
+        let [seconds, inputs] = ["ISOFLOP_FUZZ_SECONDS", "ISOFLOP_FUZZ_INPUTS"].map(number);
+        let is_quick = seconds.is_none() && inputs.is_none();
         let told = env::var("ISOFLOP_FUZZ_SEED").ok();
         let parts: Vec<u64> = told.iter().flat_map(|told| told.split(':')).map(whole).collect();
         Self {
-            seed: parts
-                .first()
-                .copied()
-                .unwrap_or_else(|| if seconds.is_some() { clock() } else { 0 }),
+            seed: parts.first().copied().unwrap_or_else(|| if is_quick { 0 } else { clock() }),
             only: parts.get(1).copied(),
-            inputs: match (number("ISOFLOP_FUZZ_INPUTS"), seconds) {
-                (None, None) => Some(QUICK_INPUTS),
-                (inputs, _) => inputs.map(|n| n as u64),
-            },
+            inputs: if is_quick { Some(QUICK_INPUTS) } else { inputs.map(|n| n as u64) },
             time: Duration::from_secs_f64(seconds.unwrap_or(2.0)),
         }
     }
@@ -198,7 +203,7 @@ impl Tally {
         if self.failed.contains_key(&alike) {
             return;
         }
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fuzz-failed").join(kind.name);
+        let folder = on_disk().join("fuzz-failed").join(kind.name);
         fs::create_dir_all(&folder).expect("a writable folder");
         let hash = &blake3::hash(bytes).to_hex()[..8];
         let name_of_file = Path::new(kind.file).file_name().unwrap_or_default().to_string_lossy();

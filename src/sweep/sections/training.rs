@@ -166,8 +166,8 @@ section! {
         /// AdamW's β₁ and β₂.
         #[schemars(inner(range(min = 0, max = 0.9999999)))]
         betas: Vec<f64> = vec![0.9, 0.95];
-        /// Added by AdamW to the root of the second moment.
-        epsilon: f64 = 1e-8, 0 to 1;
+        /// Added by AdamW to the root of the second moment, which underflows in f32 below 1e-22: 0 / 0 would be NaN.
+        epsilon: f64 = 1e-8, 1e-20 to 1;
         /// Global norm to which gradients are clipped; 0 for none.
         clip_norm: f64 = 1.0, 0 to 1e6;
         /// Times a run that it is measured on the validation split.

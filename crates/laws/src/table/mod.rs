@@ -36,6 +36,8 @@ mod error;
 mod expression;
 mod outliers;
 #[cfg(feature = "parquet")]
+mod pages;
+#[cfg(feature = "parquet")]
 mod parquet;
 mod read;
 mod rows;

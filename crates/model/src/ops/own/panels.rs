@@ -160,9 +160,9 @@ fn fill(panel: &mut [[f32; PANEL]], matrix: View<'_>, columns: usize) {
 }
 
 vectorised! {
-    /// As [`fill`], from rows that lie in one piece each.
+    /// As [`fill`], from rows that lie in one piece each. A single row may have any stride.
     fn fill_rows(panel: &mut [[f32; PANEL]], values: &[f32], stride: usize, columns: usize) {
-        for (row, source) in panel.iter_mut().zip(values.chunks(stride)) {
+        for (row, source) in panel.iter_mut().zip(values.chunks(stride.max(columns))) {
             let (low, high) = row.split_at_mut(LANES);
             let (source, rest) = source[..columns].split_at(columns.min(LANES));
             L::read(source).write(low);

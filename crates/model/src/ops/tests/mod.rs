@@ -224,6 +224,8 @@ fn small_cases() -> Vec<Case> {
         select_rows(5, 3, 8),
         convolve(Taps::Point, true, [2, 3], [3, 4]),
         convolve(Taps::Neighbours(2), true, [2, 3], [2, 5]),
+        convolve(Taps::Point, false, [2, 3], [19, 1]),
+        convolve(Taps::Neighbours(1), true, [2, 3], [1, 1]),
         convolve(Taps::Halving, false, [2, 4], [3, 2]),
         convolve(Taps::Doubling, false, [2, 3], [2, 3]),
         attention(&[4, 1, 6], &[2, 0, 6], 2, 4),
