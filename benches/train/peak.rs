@@ -38,9 +38,10 @@ pub fn limit() -> Option<fn()> {
     #[cfg(target_arch = "x86_64")]
     {
         let vectors = isoflop::ops::vectors().expect("the vectors asked for are there");
-        // SAFETY: both are chosen after the processor was asked.
         match vectors {
+            // SAFETY: the processor was asked and has them.
             "avx512" => return Some(|| unsafe { x86::avx512() }),
+            // SAFETY: as above.
             "avx2" => return Some(|| unsafe { x86::avx2() }),
             _ => {}
         }

@@ -2,8 +2,8 @@
 
 use crate::data::DataFacts;
 use crate::spec::{
-    EVALUATOR_REVISION, EvaluatorSpec, FlopsPerToken, ModelShape, ParamCounts, QuantizerSpec, RunSpec,
-    ScoresSpec, TRAINING_REVISION, TokenizerJob, content_id,
+    EVALUATOR_REVISION, EvaluatorSpec, FlopsPerToken, ModelShape, ParamCounts, QuantizerSpec,
+    RunSpec, ScoresSpec, TRAINING_REVISION, TokenizerJob, content_id,
 };
 use crate::sweep::{Condition, Sweep};
 use serde::{Deserialize, Serialize};

@@ -14,7 +14,6 @@
 //! | the implied laws | [`parametric_laws`](crate::laws::parametric_laws) |
 
 mod form;
-mod lanes;
 mod law;
 mod newton;
 mod objective;

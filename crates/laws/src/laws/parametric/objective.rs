@@ -12,7 +12,7 @@
 use std::ops::Range;
 
 use super::form::{Constant, MAX_PARAMS, Matrix, Space, Vector};
-use super::lanes::{LANES, Lane, exp, fused, ln, product};
+use crate::laws::maths::lanes::{LANES, Lane, exp, fused, ln, product};
 
 /// The rows of a fit as columns, padded with rows of no weight to whole lanes.
 #[derive(Clone, Debug)]

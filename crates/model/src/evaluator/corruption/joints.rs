@@ -43,7 +43,7 @@ pub fn displaced(
     let mut noise = iter::from_fn(|| Some(<[f64; 2]>::from(normal_pair(rng)))).flatten();
     let mut offset = [[0.0; 3]; N_JOINTS];
     let mut displaced = |(frame, pose): (usize, &Pose)| {
-        if frame == 0 || (frame + phase) % frames == 0 {
+        if frame == 0 || (frame + phase).is_multiple_of(frames) {
             let metres = millimetres / 1000.0;
             let drawn = || noise.next().map_or(0.0, |noise| (noise * metres) as f32);
             offset.as_flattened_mut().fill_with(drawn);

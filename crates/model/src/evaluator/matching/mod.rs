@@ -70,12 +70,12 @@ impl Networks for MatchingNetworks {
         let captions = self.captions(&pairs.captions);
         let MatchingSpec { margin, mismatches, .. } = self.sizes;
         let (n, all) = (pairs.caption_ids.len(), motions.dims()[0]);
-        let own = motions.clone().slice([0..n]);
+        let own = motions.clone().narrow(0, 0, n);
         let loss = margin_loss(&own, &captions, &pairs.caption_ids, margin, mismatches);
         if all == n {
             return loss;
         }
-        loss + pushed_apart(motions.slice([n..all]), captions, margin) * CORRUPTED_SHARE
+        loss + pushed_apart(motions.narrow(0, n, all - n), captions, margin) * CORRUPTED_SHARE
     }
 }
 
@@ -200,7 +200,7 @@ fn margin_loss(
 /// would be its own.
 fn pushed_apart(motions_me: Tensor<2>, captions_ne: Tensor<2>, margin: f64) -> Tensor<1> {
     let m = motions_me.dims()[0];
-    let squares_m1 = (motions_me - captions_ne.slice([0..m])).powi_scalar(2).sum_dim(1);
+    let squares_m1 = (motions_me - captions_ne.narrow(0, 0, m)).powi_scalar(2).sum_dim(1);
     let distances_m1 = squares_m1.add_scalar(EPSILON).sqrt();
     relu(distances_m1.neg().add_scalar(margin)).powi_scalar(2).mean()
 }
