@@ -296,12 +296,12 @@ fn text_of_files(scores: &FileScores) -> String {
     let shown = |score: Option<Repeated>| dash(score, |score| score.shown(3));
     let row = |score: &FileScore| [score.name.to_string(), shown(score.found), shown(score.truth)];
     let [these, truth] = [&scores.physics, &scores.truth_physics].map(moving);
-    let bodies = ["foot skate, %", "jerk, m/s³"].into_iter().zip(these).zip(truth);
-    let bodies = bodies.map(|((name, these), truth)| [name.to_string(), these, truth]);
+    let movement = ["foot skate, %", "jerk, m/s³"].into_iter().zip(these).zip(truth);
+    let movement = movement.map(|((name, these), truth)| [name.to_string(), these, truth]);
     let mut text = format!(
         "{}, {n_captions} with a caption, beside {n_truth} true ones\n\n{}",
         many(*n_motions, "motion"),
-        table(["<", "<these", "<true"], scores.scores.iter().map(row).chain(bodies))
+        table(["<", "<these", "<true"], scores.scores.iter().map(row).chain(movement))
     );
     text.push('\n');
     let mut reasons: Vec<&String> =
