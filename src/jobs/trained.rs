@@ -120,6 +120,9 @@ impl TrainedRun {
         sampling: &Sampling,
         detokenizer_guidance: f64,
     ) -> Result<Vec<MadeMotion>> {
+        if prompts.is_empty() {
+            return Ok(Vec::new());
+        }
         let tokenizer = &self.tokenizer;
         let decoded = |(prompt, sampled): (&Prompt, Sampled)| {
             let (codes, n_frames) = (&sampled.codes, sampled.n_frames);
