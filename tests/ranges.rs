@@ -1,4 +1,7 @@
-//! Every number of a sweep file at the bounds of its range and beyond them: planned.
+//! Every number of a sweep file at the bounds of its range and beyond them: planned, and trained at the low ones.
+
+#[path = "ranges/trained.rs"]
+mod trained;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

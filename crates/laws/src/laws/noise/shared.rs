@@ -9,7 +9,7 @@ use crate::laws::input::budget::Budget;
 use crate::laws::maths::least_squares;
 use crate::laws::maths::stats::Normals;
 use crate::laws::minima::{Grid, NoiseSource, RunNoise, valley};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, de::Error};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Separates the random streams of other test splits from those of replicates.
@@ -24,11 +24,19 @@ const STREAMS: u64 = 1 << 41;
 pub struct TestNoise {
     /// Standard deviation of the loss of that best cell, in nats.
     pub sd: f64,
-    /// B.
+    /// B, 2 or more.
+    #[serde(deserialize_with = "at_least_two")]
     pub blocks: usize,
     centre: [f64; 3],
     /// a_b and s_b of each block.
     effects: Vec<[f64; 4]>,
+}
+
+/// Reads B from a file.
+fn at_least_two<'de, D: Deserializer<'de>>(file: D) -> Result<usize, D::Error> {
+    let blocks = usize::deserialize(file)?;
+    let told = || Error::custom(format!("noise of a test split needs 2 blocks, here {blocks}"));
+    (blocks >= 2).then_some(blocks).ok_or_else(told)
 }
 
 impl TestNoise {
@@ -299,10 +307,6 @@ mod tests {
         group_budgets(&points).unwrap().iter().filter_map(Grid::new).collect()
     }
 
-    fn noise(grids: &[Grid]) -> Option<TestNoise> {
-        test_noise(grids, None)
-    }
-
     fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
         let values: Vec<f64> = values.collect();
         (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt()
@@ -310,7 +314,7 @@ mod tests {
 
     /// The deviation of what the smallest model of a budget moves by on other splits, beside the best.
     fn scatter(grids: &[Grid]) -> f64 {
-        let (grid, noise) = (&grids[0], noise(grids).unwrap());
+        let (grid, noise) = (&grids[0], test_noise(grids, None).unwrap());
         let shift = |i| {
             let clips = noise.draw(&mut Normals::of_stream(1, i));
             clips.shift(&grid.cells[0], grid.best())
@@ -321,7 +325,7 @@ mod tests {
     #[test]
     fn what_all_losses_have_in_common_moves_no_optimum() {
         let grids = grids(|point, draw, _| (0.4 + 0.1 * (point.budget_flops / 1e10).ln()) * draw);
-        let noise = noise(&grids).unwrap();
+        let noise = test_noise(&grids, None).unwrap();
         let (best, budget) = (grids[4].best(), grids[4].budget_flops);
         let sd = |budget: f64| (0.4 + 0.1 * (budget / 1e10).ln()) / 20f64.sqrt();
         assert!((noise.sd / sd(budget) - 1.0).abs() < 0.35, "{noise:?}");
@@ -351,10 +355,10 @@ mod tests {
         let points = SWEEP.points();
         let plain = group_budgets(&points).unwrap();
         let plain: Vec<Grid> = plain.iter().filter_map(Grid::new).collect();
-        assert_eq!(noise(&plain), None);
+        assert_eq!(test_noise(&plain, None), None);
         let mut known = grids(|_, draw, _| draw);
         known[0].cells[0].by_block.clear();
-        assert_eq!(noise(&known), None);
+        assert_eq!(test_noise(&known, None), None);
     }
 }
 
