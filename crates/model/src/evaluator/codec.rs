@@ -64,10 +64,10 @@ impl Evaluator {
         &self,
         motions: impl IntoIterator<Item = &'a [f32]>,
     ) -> Result<Embeddings, EvaluatorError> {
-        let frames = motions.into_iter().map(|motion| self.seen.frames(motion));
+        let frames = motions.into_iter().map(|motion| self.seen.first_frames(motion));
         let frames = frames.collect::<Result<Vec<_>, _>>()?;
-        let windows: Vec<&[f32]> = frames.iter().map(|own| self.seen.first_window(own)).collect();
-        self.embedded(&windows, self.seen.channels(), |rows| self.networks.motions(rows))
+        let frames: Vec<&[f32]> = frames.iter().map(Vec::as_slice).collect();
+        self.embedded(&frames, self.seen.channels(), |rows| self.networks.motions(rows))
     }
 
     /// Vectors of captions.

@@ -143,7 +143,7 @@ mod tests {
         std::fs::read(folder.join("weights.safetensors")).unwrap()
     }
 
-    /// An untrained evaluator fails the gates; a trained one passes them.
+    /// An untrained evaluator fails the gates; one of a few steps finds captions and sees jitter.
     #[test]
     fn gates_tell_a_trained_evaluator_from_an_untrained_one() {
         let (before, after) = gates_tell(KINDS[0], 0.15);
@@ -152,12 +152,8 @@ mod tests {
             let jitter = gates.corrupted.iter().rfind(last).unwrap();
             jitter.halves_fid.mean / gates.halves_fid.mean
         };
-        assert!(
-            jitter(&before) < 1.5 && jitter(&after) > 3.0,
-            "{} {}",
-            jitter(&before),
-            jitter(&after)
-        );
+        let [before, after] = [before, after].map(|gates| jitter(&gates));
+        assert!(after > 3.0 && after > 2.0 * before, "{before} {after}");
         // A recurrence learns more slowly.
         gates_tell(&format!("{}, corrupted: 0", KINDS[1]), 0.1);
     }

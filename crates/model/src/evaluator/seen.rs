@@ -122,17 +122,37 @@ impl Seen {
     /// # Errors
     /// It has other features, or fewer frames than a row.
     pub fn frames(&self, features: &[f32]) -> Result<Vec<f32>, EvaluatorError> {
+        self.checked(features).map(|features| self.as_seen(features))
+    }
+
+    /// The same of the first window alone, whose last frame knows nothing of those behind it.
+    ///
+    /// # Errors
+    /// As [`Seen::frames`].
+    pub fn first_frames(&self, features: &[f32]) -> Result<Vec<f32>, EvaluatorError> {
+        let features = self.checked(features)?;
+        let row = self.spec.frames() * self.stats.mean.len();
+        let rows = (features.len() / row).min(self.window_rows());
+        Ok(self.as_seen(&features[..rows * row]))
+    }
+
+    fn checked<'a>(&self, features: &'a [f32]) -> Result<&'a [f32], EvaluatorError> {
         let all = self.stats.mean.len();
         if !features.len().is_multiple_of(all) {
             return Err(EvaluatorError::Features { values: features.len(), wanted: all });
         }
         let (n_frames, least) = (features.len() / all, self.spec.frames());
         if n_frames < least {
-            return Err(EvaluatorError::TooShort { n_frames, least });
+            Err(EvaluatorError::TooShort { n_frames, least })
+        } else {
+            Ok(features)
         }
+    }
+
+    fn as_seen(&self, features: &[f32]) -> Vec<f32> {
         match self.spec.representation {
-            EvaluatorFeatures::Moving => Ok(self.standard(&self.moving(features))),
-            _ => Ok(self.standard(features)),
+            EvaluatorFeatures::Moving => self.standard(&self.moving(features)),
+            _ => self.standard(features),
         }
     }
 
