@@ -8,7 +8,7 @@ use super::*;
 /// One run of some hundred steps of one token, after one step of its tokenizer.
 const SMALL: &str = "{name: t, data: {clips: 8, val_clips: 2, test_clips: 2}, text: {dim: 8}, fit: {bootstrap: 2}, \
                      grid: {models: [{n_layer: 1, n_head: 1, d_model: 2}], vocab: [16], budgets: [1e6]}, \
-                     model: {motion_slots: 256}, train: {min_steps: 1, batch: 1}, tokenizer: {steps: 1, batch: 2}}";
+                     model: {motion_slots: 256}, train: {min_steps: 1, batch: 1}, tokenizer: {steps: 1, batch: 2, window: 32}}";
 
 /// Sections over [`SMALL`]: between them the tokenizers, quantizers, generators and evaluators.
 const LAYERS: [&str; 9] = [
