@@ -24,7 +24,6 @@ mod folder;
 #[cfg(feature = "train")]
 pub mod gpu;
 mod graph;
-#[cfg(feature = "train")]
 mod job;
 #[cfg(feature = "train")]
 pub mod presence;

@@ -115,7 +115,7 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     write_whole(path, |file| file.write_all(bytes))
 }
 
-/// [`write_whole`] for a value as indented JSON with a newline at its end, and with its [digest](digest).
+/// [`write_whole`] for a value as indented JSON with a newline at its end, and with its [digest].
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), FileError> {
     write_bytes(path, &with_digest(value).map_err(FileError::write(path))?)
 }
@@ -125,7 +125,7 @@ pub fn write_plain_json(path: &Path, value: &impl serde::Serialize) -> Result<()
     write_bytes(path, json(value).map_err(FileError::write(path))?.as_bytes())
 }
 
-/// [`write_whole`] for values as JSON, a line each; the first line has the [digest](digest) of all.
+/// [`write_whole`] for values as JSON, a line each; the first line has the [digest] of all.
 pub fn write_json_lines(path: &Path, values: &[impl serde::Serialize]) -> Result<(), FileError> {
     let line = |(at, value)| {
         let line = serde_json::to_string(value)?;
@@ -136,7 +136,7 @@ pub fn write_json_lines(path: &Path, values: &[impl serde::Serialize]) -> Result
     write_bytes(path, &digest::fill(lines.into_bytes()))
 }
 
-/// [`write_whole`] for a text of YAML with its [digest](digest).
+/// [`write_whole`] for a text of YAML with its [digest].
 pub fn write_yaml(path: &Path, text: &str) -> Result<(), FileError> {
     write_bytes(path, &digest::fill(digest::below_yaml(text).into_bytes()))
 }

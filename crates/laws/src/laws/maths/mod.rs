@@ -32,7 +32,7 @@ pub mod text {
 
 /// e^x and ln x for a handful of rows at a time.
 ///
-/// Branch-free, so that the compiler turns a loop over [`LANES`] rows into vector instructions; within an ulp or two of
+/// Branch-free, so that the compiler turns a loop over [`lanes::LANES`] rows into vector instructions; within an ulp or two of
 /// the standard library's. Nothing depends on how wide the vectors are: with `FUSED`, where a multiply-add rounds once,
 /// every processor that has the instruction computes the same bits.
 pub(in crate::laws) mod lanes {
