@@ -65,7 +65,7 @@ pub fn table(report: &EvaluatorReport) -> String {
         true => "every required gate is passed",
         false => "required gates are failed: it scores nothing",
     };
-    out + &format!("\n{verdict}; {COMPARABLE}")
+    out + &format!("\n{verdict};\n{COMPARABLE}")
 }
 
 // Gates.
