@@ -41,7 +41,7 @@ fn is_kept(layer: &str, name: &str) -> bool {
 }
 
 /// No run is trained by them here: numbers of engines, of other programs, of files, of sampling and of scores, and a
-/// budget too small for a step.
+/// budget too small for a step; and of the rule of a batch those that its default least overrules.
 fn is_untrained(name: &str) -> bool {
     let of = [
         "engine.",
