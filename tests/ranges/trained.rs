@@ -52,6 +52,8 @@ fn is_untrained(name: &str) -> bool {
         "grid.budgets",
         "sampling.",
         "scores.",
+        "train.batch.coefficient",
+        "train.batch.max",
     ];
     of.iter().any(|start| name.starts_with(start))
 }
