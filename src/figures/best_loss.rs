@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::axis::{Axis, COMPUTE, Scale, signed};
-use super::cells::Cells;
-use super::cells::{Drawing, Sources};
+use super::cells::{Cells, Drawing, Sources};
 use super::fitted::{Role, explain_roles, interval95, known_minima, law_name};
 use super::legend::{Legend, Look, Sample, category_looks, law_stroke, ordered_looks};
 use super::page::Page;

@@ -11,8 +11,7 @@ use plotters::style::{Color, RGBColor};
 
 use super::pdf::pdf;
 use super::scene::{Point, Scene, Shape, Text};
-use super::style::{FAMILY, Weight, font, measure, side_bearing};
-use super::style::{Rgb, WHITE};
+use super::style::{FAMILY, Rgb, WHITE, Weight, font, measure, side_bearing};
 
 /// A backend's complaint.
 pub type DrawError = Box<dyn std::error::Error + Send + Sync>;

@@ -3,8 +3,7 @@
 use super::axis::scientific;
 use super::cells::ModelSize;
 use super::scene::{Anchor, Mark, Marker, Point, Scene, Stroke, plain_text};
-use super::style::{MUTED, Rgb, categories, ordered};
-use super::style::{Weight, measure};
+use super::style::{MUTED, Rgb, Weight, categories, measure, ordered};
 
 const EM: f64 = 12.0;
 const ROW: f64 = 20.0;

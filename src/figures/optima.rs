@@ -1,8 +1,7 @@
 //! N_nv, N_v and D of the optimum, and of the optima of several studies.
 
 use super::axis::{Axis, COMPUTE, Scale, signed};
-use super::cells::sorted;
-use super::cells::{Drawing, Sources};
+use super::cells::{Drawing, Sources, sorted};
 use super::fitted::{
     Quantity, Role, explain_roles, interval95, known_minima, law_name, minima, outside_remark,
     quantities, within_reach,

@@ -3,8 +3,7 @@
 use super::legend::Legend;
 use super::panel::{Panel, Plot, Rect};
 use super::scene::{Anchor, Scene, Text, plain_text};
-use super::style::MUTED;
-use super::style::{Weight, wrap};
+use super::style::{MUTED, Weight, wrap};
 
 const MARGIN: f64 = 18.0;
 const TITLE_EM: f64 = 17.0;

@@ -8,8 +8,7 @@ use pdf_writer::{Content, Filter, Name, Pdf, Rect, Ref, Str};
 use subsetter::GlyphRemapper;
 
 use super::scene::{Point, Scene, Shape, Text};
-use super::style::Weight;
-use super::style::{Rgb, WHITE};
+use super::style::{Rgb, WHITE, Weight};
 
 const CATALOG: Ref = Ref::new(1);
 const PAGES: Ref = Ref::new(2);

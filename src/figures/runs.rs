@@ -3,8 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::axis::{Axis, COMPUTE, Scale, scientific, span};
-use super::cells::CellMean;
-use super::cells::{Drawing, Sources, few_enough};
+use super::cells::{CellMean, Drawing, Sources, few_enough};
 use super::fitted::{explain_marks, outside_remark, quantities};
 use super::legend::{Legend, Look, Sample, category_looks, ordered_looks};
 use super::page::Page;

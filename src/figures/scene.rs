@@ -2,8 +2,7 @@
 //!
 //! The page's origin is its upper left corner; y grows downwards.
 
-use super::style::Weight;
-use super::style::{INK, Rgb, WHITE};
+use super::style::{INK, Rgb, WHITE, Weight};
 
 /// (x, y) in page pixels.
 pub type Point = (f64, f64);

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::axis::{Axis, Scale};
-use super::cells::sorted;
-use super::cells::{Drawing, Sources};
+use super::cells::{Drawing, Sources, sorted};
 use super::legend::{Legend, Look, Sample, bound_stroke, category_looks, ordered_looks};
 use super::page::Page;
 use super::panel::Plot;

@@ -5,8 +5,7 @@
 
 use super::folder::ResultsFolder;
 use super::job::Job;
-use super::speed::rates;
-use super::speed::{Rate, rate_at};
+use super::speed::{Rate, rate_at, rates};
 use crate::machine::Card;
 use crate::plan::{Plan, PlannedRun, Trunk, bytes_on_card};
 use crate::record::RunRecord;

@@ -167,7 +167,7 @@ fn flops_per_second(run: &PlannedRun, device: &Device) -> f64 {
     seconds.get(seconds.len() / 2).map_or(0.0, |median| probe.flops() / median)
 }
 
-// The measured speed of a folder's jobs: [`known`].
+// The measured speed of a folder's jobs.
 
 /// The file of job times.
 pub const SCHEDULE: &str = "schedule.jsonl";

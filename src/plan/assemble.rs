@@ -1,8 +1,7 @@
 //! [`Plan`]: every job of a sweep with its id and its cost.
 
 use super::cells::{Renamed, renamed};
-use super::planned::remarks;
-use super::planned::{EvaluatorJob, PlannedRun, ScoreJob};
+use super::planned::{EvaluatorJob, PlannedRun, ScoreJob, remarks};
 use super::price::price;
 use super::trunk::{Dropped, PricedCell, Trunk, branch};
 use crate::data::{DataFacts, Demand};

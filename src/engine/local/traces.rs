@@ -84,7 +84,7 @@ impl Timeline {
     }
 }
 
-// [`Curve`]: the losses of a run in TensorBoard's event files, appended while it is trained.
+// The losses of a run in TensorBoard's event files, appended while it is trained.
 
 /// The event files of a job: `tensorboard/<label>-<id>/`, a new one each time that the job is started.
 pub struct Curve<'a> {

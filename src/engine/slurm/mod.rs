@@ -33,8 +33,6 @@ use serde_json::json;
 use std::path::absolute;
 use std::time::{Duration, Instant};
 
-// [`Slurm`]: the engine of a Slurm cluster.
-
 /// Jobs on a cluster; submits them and returns at once.
 pub struct Slurm;
 

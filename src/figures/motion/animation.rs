@@ -1,13 +1,11 @@
 //! The animated page: caption, legend, ground, and the body that moves on it by SMIL, which browsers play
 //! without a script.
 
-use super::marks::{self, cleaned, facts};
-use super::marks::{HEAD_RADIUS, REACH, far_to_near, head};
+use super::marks::{self, HEAD_RADIUS, REACH, cleaned, facts, far_to_near, head};
 use super::room::{Bounds, Seen, Segment, View, below, grid, not_drawn, path, see};
 use crate::figures::formats::{self, escaped, unit};
 use crate::figures::scene::{Anchor, Point, Scene, Stroke, plain_text};
-use crate::figures::style::{GRID, INK, MUTED, Rgb, SHADOW};
-use crate::figures::style::{Weight, measure, wrap};
+use crate::figures::style::{GRID, INK, MUTED, Rgb, SHADOW, Weight, measure, wrap};
 use crate::motion::Pose;
 
 const WIDTH: f64 = 640.0;

@@ -2,13 +2,11 @@
 
 use image::RgbImage;
 
-use super::marks::{self, facts};
-use super::marks::{HEAD_RADIUS, REACH, far_to_near, head};
+use super::marks::{self, HEAD_RADIUS, REACH, facts, far_to_near, head};
 use super::room::{Bounds, Segment, View, not_drawn, patch, path, see, within};
 use crate::figures::formats::{self, DrawError, raster};
 use crate::figures::scene::{Anchor, Point, Scene, Shape, Stroke, plain_text};
-use crate::figures::style::{GRID, INK, MUTED, Rgb, WHITE};
-use crate::figures::style::{Weight, measure};
+use crate::figures::style::{GRID, INK, MUTED, Rgb, WHITE, Weight, measure};
 use crate::motion::Pose;
 
 /// Poses of a row.

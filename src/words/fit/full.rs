@@ -1,7 +1,6 @@
 //! The fit in full, as tables: coefficients, laws, minima, and the laws under other choices.
 
-use super::brief;
-use super::{advice, unseen_budgets, verdict};
+use super::{advice, brief, unseen_budgets, verdict};
 use crate::laws::text::{count, short};
 use crate::laws::{
     FloorLaw, JointLaw, Laws, LogLaw, Minimum, NoiseSource, Parameters, Parametric, PowerLaw,

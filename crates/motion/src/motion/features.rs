@@ -16,8 +16,7 @@
 use std::ops::Range;
 
 use super::geometry::{Yaw, between, conjugate, dot, multiply, sub, to_6d};
-use super::skeleton::{CHAINS, CONTACT_JOINTS, Pose, RAW_OFFSETS};
-use super::skeleton::{facing_turn, root_headings};
+use super::skeleton::{CHAINS, CONTACT_JOINTS, Pose, RAW_OFFSETS, facing_turn, root_headings};
 use crate::motion::N_FEATURES;
 
 /// Column of the root's half turn to the next frame, radians.

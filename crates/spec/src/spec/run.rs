@@ -255,55 +255,59 @@ impl Precision {
 /// Above it, gradients by weights would come near the largest number of `f16`.
 const MOST_SCALED: usize = 4096;
 
-section! {
-    /// The `sampling` section: how motions are made, where `isoflop generate`, `isoflop evaluate` and the section
-    /// `scores` do not say otherwise. No id of a run depends on it.
-    pub struct SamplingSpec {
-        /// Strength of classifier-free guidance; `autoregressive` has none.
-        guidance: f64 = 0.0, 0 to 1e3;
-        /// Strength of caption guidance in decoding, for a tokenizer with language.
-        detokenizer_guidance: f64 = 0.0, 0 to 1e3;
-        /// Divisor of the logits; 0 takes the likeliest code.
-        temperature: f64 = 1.0, 0 to 1e3;
-        /// Codes are drawn among the likeliest so many.
-        top_k: Option<usize> = None, 1 to 16_777_216, unless "Option::is_none";
-        /// Codes are drawn among the likeliest that together hold this share.
-        top_p: Option<f64> = None, 1e-6 to 1, unless "Option::is_none";
-        /// `masked`: rounds in which codes are shown.
-        rounds: usize = 10, 1 to 10_000;
-    }
+/// A section with the keys of sampling between its own.
+macro_rules! sampling_section {
+    ($(#[$about:meta])* pub struct $name:ident { { $($first:tt)* } { $($last:tt)* } }) => {
+        section! {
+            $(#[$about])*
+            pub struct $name {
+                $($first)*
+                /// Strength of classifier-free guidance; `autoregressive` has none.
+                guidance: f64 = 0.0, 0 to 1e3;
+                /// Strength of caption guidance in decoding, for a tokenizer with language.
+                detokenizer_guidance: f64 = 0.0, 0 to 1e3;
+                /// Divisor of the logits; 0 takes the likeliest code.
+                temperature: f64 = 1.0, 0 to 1e3;
+                /// Codes are drawn among the likeliest so many.
+                top_k: Option<usize> = None, 1 to 16_777_216, unless "Option::is_none";
+                /// Codes are drawn among the likeliest that together hold this share.
+                top_p: Option<f64> = None, 1e-6 to 1, unless "Option::is_none";
+                /// `masked`: rounds in which codes are shown.
+                rounds: usize = 10, 1 to 10_000;
+                $($last)*
+            }
+        }
+    };
 }
 
-section! {
+sampling_section! {
+    /// The `sampling` section: how motions are made, where `isoflop generate`, `isoflop evaluate` and the section
+    /// `scores` do not say otherwise. No id of a run depends on it.
+    pub struct SamplingSpec { {} {} }
+}
+
+sampling_section! {
     /// The `scores` section: how the motions of a run are made and scored by the sweep's evaluator.
     ///
     /// The numbers of repeats, texts and motions are those of the published tables.
     pub struct ScoresSpec {
-        /// Conditions, as `n_vocab == 512 and budget >= 1e12`; runs that meet one of them are scored, and
-        /// all where there is none.
-        only: Vec<String> = Vec::new(), unless "Vec::is_empty";
-        /// Number of repeats, each with one motion per test clip.
-        repeats: usize = 20, 1 to 10_000;
-        /// Strength of classifier-free guidance; `autoregressive` has none and is scored without.
-        guidance: f64 = 0.0, 0 to 1e3;
-        /// Strength of caption guidance in decoding, for a tokenizer with language.
-        detokenizer_guidance: f64 = 0.0, 0 to 1e3;
-        /// Divisor of the logits; 0 takes the likeliest code.
-        temperature: f64 = 1.0, 0 to 1e3;
-        /// Codes are drawn among the likeliest so many.
-        top_k: Option<usize> = None, 1 to 16_777_216, unless "Option::is_none";
-        /// Codes are drawn among the likeliest that together hold this share.
-        top_p: Option<f64> = None, 1e-6 to 1, unless "Option::is_none";
-        /// `masked`: rounds in which codes are shown.
-        rounds: usize = 10, 1 to 10_000;
-        /// Captions that MultiModality is measured on; 0 leaves it out.
-        multimodal_captions: usize = 96, 0 to 1_000_000;
-        /// Motions of each of them.
-        multimodal_motions: usize = 30, 1 to 10_000;
-        /// Motions of a run that are kept as files, in `samples/<run>/scored`; those of the first repeat.
-        samples: usize = 16, 0 to 1_000_000;
-        /// Seed of motions, pools and pairs.
-        seed: u64 = 0, 0 to 18_446_744_073_709_551_615u64;
+        {
+            /// Conditions, as `n_vocab == 512 and budget >= 1e12`; runs that meet one of them are scored, and
+            /// all where there is none.
+            only: Vec<String> = Vec::new(), unless "Vec::is_empty";
+            /// Number of repeats, each with one motion per test clip.
+            repeats: usize = 20, 1 to 10_000;
+        }
+        {
+            /// Captions that MultiModality is measured on; 0 leaves it out.
+            multimodal_captions: usize = 96, 0 to 1_000_000;
+            /// Motions of each of them.
+            multimodal_motions: usize = 30, 1 to 10_000;
+            /// Motions of a run that are kept as files, in `samples/<run>/scored`; those of the first repeat.
+            samples: usize = 16, 0 to 1_000_000;
+            /// Seed of motions, pools and pairs.
+            seed: u64 = 0, 0 to 18_446_744_073_709_551_615u64;
+        }
     }
 }
 

@@ -5,8 +5,7 @@
 //! and the laws go through the configurations that hold it. It needs no declared budgets, but it
 //! trusts single runs: the lowest of many noisy losses is a lucky one.
 
-use super::single_runs::losses_tell;
-use super::single_runs::{Candidates, FrontierPoint, LEAST_SIZES};
+use super::single_runs::{Candidates, FrontierPoint, LEAST_SIZES, losses_tell};
 use super::{fill, unfitted};
 use crate::laws::file::{LawKind, Laws};
 use crate::laws::input::{

@@ -4,7 +4,6 @@
 //! | --- | --- |
 //! | the forms and their coefficients | `form` |
 //! | objective, gradient, Hessian | `objective` |
-//! | e^x and ln x of several rows at once | `lanes` |
 //! | downhill to the last digit | `newton` |
 //! | points into centred columns under a form | `target` |
 //! | starts by variable projection | `search` |

@@ -1,5 +1,5 @@
-//! The choice of vectors: a kernel is written once, generic over [`Lanes`](super::lanes::Lanes), and [`vectorised!`] compiles it for
-//! AVX-512, for AVX2 and for the build's own target and picks one at run time.
+//! The choice of vectors: a kernel is written once, generic over [`Lanes`](super::lanes::Lanes). [`vectorised!`] compiles
+//! it for AVX-512, for AVX2 and for the build's own target, and picks one at run time.
 
 #[cfg(not(target_arch = "x86_64"))]
 use super::lanes::VECTORS;
@@ -24,8 +24,8 @@ pub fn vectors() -> Result<&'static str, String> {
 
 /// Compiles a kernel for each kind of vector and picks one at run time.
 ///
-/// The body is generic over a type `L` of [`Lanes`](super::lanes::Lanes). Functions that it calls must be `#[inline(always)]`; otherwise they
-/// are compiled for the build's own target and are slow.
+/// The body is generic over a type `L` of [`Lanes`](super::lanes::Lanes). Functions that it calls must be
+/// `#[inline(always)]`; otherwise they are compiled for the build's own target and are slow.
 macro_rules! vectorised {
     (
         $(#[$meta:meta])*
