@@ -124,12 +124,15 @@ fn cut(path: &Path, kept: usize) -> io::Result<usize> {
     }
     let (head, left_out, tail) = parts(&bytes, kept);
     let mut file = OpenOptions::new().read(true).append(true).open(path)?;
-    let mark = format!("{}{left_out}{BYTES}", String::from_utf8_lossy(LEFT_OUT));
-    // The text appended since the read; text appended between here and the cut is lost with the middle.
+    // The text appended since the read.
     let mut since = Vec::new();
     file.seek(SeekFrom::Start(bytes.len() as u64))?;
     io::copy(&mut file, &mut since)?;
+    // Text appended during the copy is left out with the middle; text appended after this line is lost uncounted.
+    let length = file.metadata()?.len() as usize;
+    let left_out = left_out + length.saturating_sub(bytes.len() + since.len());
     file.set_len(head.len() as u64)?;
+    let mark = format!("{}{left_out}{BYTES}", String::from_utf8_lossy(LEFT_OUT));
     let rest = [mark.as_bytes(), tail, &since].concat();
     (&file).write_all(&rest)?;
     Ok(head.len() + rest.len())

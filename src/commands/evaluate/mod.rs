@@ -323,9 +323,7 @@ fn bodies(made: &ScoredPhysics, truth: &ScoredPhysics) -> String {
     let [made, truth] = [made.mean, truth.mean];
     format!(
         "bones vary by {:.1} mm (true: {:.1}), the lowest joint is {:.1} mm under the floor\n",
-        made.bone_spread_mm,
-        truth.bone_spread_mm,
-        made.penetration_mm + 0.0,
+        made.bone_spread_mm, truth.bone_spread_mm, made.penetration_mm,
     )
 }
 

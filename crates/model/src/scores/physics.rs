@@ -101,8 +101,8 @@ fn deviation(values: &[f64]) -> f64 {
 }
 
 fn penetration_mm(poses: &[Pose]) -> f64 {
-    let lowest = |pose: &Pose| pose.iter().map(|joint| f64::from(joint[1])).fold(0.0, f64::min);
-    -1000.0 * poses.iter().map(lowest).sum::<f64>() / poses.len() as f64
+    let depth = |pose: &Pose| pose.iter().map(|joint| -f64::from(joint[1])).fold(0.0, f64::max);
+    1000.0 * poses.iter().map(depth).sum::<f64>() / poses.len() as f64
 }
 
 #[cfg(test)]
