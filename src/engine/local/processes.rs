@@ -10,6 +10,7 @@ use crate::jobs::{Job, JobKind, ResultsFolder, program};
 use crate::machine::Kills;
 use crate::progress::{Beat, Said, Stop};
 use nix::sys::signal::Signal;
+use std::env;
 use std::fs::{self, OpenOptions};
 use std::io::{self, BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
@@ -18,6 +19,10 @@ use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::OnceLock;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
+
+/// The environment variable for the milliseconds after which mimalloc returns freed memory to the system. A worker
+/// returns none (-1) unless the user says otherwise: each step of training wants the same memory again.
+const PURGE_DELAY: &str = "MIMALLOC_PURGE_DELAY";
 
 /// A worker process a job, with one thread each, so that runs side by side give the same bits.
 pub struct LocalProcesses {
@@ -145,6 +150,7 @@ impl<'a> Attended<'a> {
             .arg(runner.folder.root())
             .args([job.id.kind.word(), &job.id.id, "--device", &runner.device])
             .env("RAYON_NUM_THREADS", "1")
+            .envs(env::var_os(PURGE_DELAY).is_none().then_some((PURGE_DELAY, "-1")))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(log)

@@ -115,9 +115,8 @@ impl GeneratorSpec {
     /// queries, keys and values, what attention mixed and two numbers a head, the columns before the
     /// activation); one block's for the rows that are measured together; a few rows' logits.
     ///
-    /// Measured on 173 runs of widths 8 to 256, 64 to 64,000 codes and batches of 64 to 2048: 23 to
-    /// 341 MB; the prediction is 0.72 to 1.31 of that, within 20 % for 94 %. The others are runs below 55 MB, dominated by
-    /// fragments of the allocator.
+    /// Measured on 15 runs of widths 8 to 256, 64 to 4096 codes and batches of 64 to 1024: 28 to 265 MB; the prediction is
+    /// 0.94 to 1.29 of that (docs/performance.md).
     pub fn peak_bytes(&self, codes: &Grid, batch_tokens: usize) -> u64 {
         let (shape, params, n_vocab) = (self.shape(), self.params(codes), codes.n_vocab() as f64);
         let (d, targets) = (shape.d_model as f64, batch_tokens as f64);
