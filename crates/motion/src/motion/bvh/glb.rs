@@ -258,7 +258,7 @@ mod tests {
                     of.0 = [w, x, y, z].map(f64::from);
                 }
                 ReadOutputs::Translations(mut places) => {
-                    of.1 = places.nth(frame).unwrap().map(f64::from)
+                    of.1 = places.nth(frame).unwrap().map(f64::from);
                 }
                 _ => panic!("neither turns nor places"),
             }
