@@ -41,7 +41,7 @@ fn names(args: &DetokenizeArgs) -> Result<Vec<String>> {
         if names[..i].contains(name) {
             bail!("two of the files would both become {name}.npy; detokenize them apart");
         }
-        let endings = ["joints.npy", "features.npy", "bvh", "svg"];
+        let endings = ["joints.npy", "features.npy", "bvh", "glb", "svg"];
         let files = endings.map(|ending| args.out.join(format!("{name}.{ending}")));
         if let Some(file) = files.iter().find(|file| file.exists() && !args.overwrite) {
             bail!("{} is there already; give another --out, or --overwrite", file.display());
@@ -152,7 +152,7 @@ fn text(id: &str, made: &[Made], mean: Option<f64>, out: &Path) -> String {
     );
     let out = out.display();
     text += &format!("\nMPJPE     {mean}\n");
-    text + &format!("files     {out}/<motion>.svg .bvh .joints.npy .features.npy\n")
+    text + &format!("files     {out}/<motion>.svg .bvh .glb .joints.npy .features.npy\n")
 }
 
 // [`Made`]: the facts of a decoded motion.

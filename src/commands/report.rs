@@ -288,10 +288,16 @@ fn of_run(home: &ResultsFolder, id: &str, place: &Path, made: Vec<Made>) -> Resu
         not_shown.push(format!("No true motion is shown: {reason}."));
         HashMap::new()
     });
+    let mut reconstructed = reconstructions(home, id, &truth).unwrap_or_else(|error| {
+        not_shown.push(format!("No reconstruction is shown: {error:#}."));
+        HashMap::new()
+    });
     for (path, Made { caption, fps }) in kept {
         let features =
             read_motion(&path, fps).with_context(|| format!("reading {}", path.display()))?;
-        let (poses, truth) = (recover_joints(&features), truth.remove(&caption));
+        let poses = recover_joints(&features);
+        let [truth, reconstruction] = [&mut truth, &mut reconstructed]
+            .map(|of| of.remove(&caption).map(|features| recover_joints(&features)));
         let mut can_be_shown = |what: &str, poses: &[Pose]| {
             let reason = hindrance(poses);
             let sentence =
@@ -300,8 +306,16 @@ fn of_run(home: &ResultsFolder, id: &str, place: &Path, made: Vec<Made>) -> Resu
             reason.is_none()
         };
         let truth = truth.filter(|truth| can_be_shown("The true motion", truth));
+        let reconstruction = reconstruction.filter(|made| can_be_shown("The reconstruction", made));
         if can_be_shown(&format!("The motion that run {id} made"), &poses) {
-            samples.push(Sample { caption, run_id: id.to_string(), fps, poses, truth });
+            samples.push(Sample {
+                caption,
+                run_id: id.to_string(),
+                fps,
+                poses,
+                truth,
+                reconstruction,
+            });
         }
     }
     Ok((samples, not_shown))
@@ -314,11 +328,14 @@ fn hindrance(poses: &[Pose]) -> Option<String> {
     long().or_else(|| not_drawn(poses))
 }
 
+/// Features by caption.
+type Features = HashMap<String, Vec<f32>>;
+
 /// The true motion of each caption, from the first clip of the test split with it.
 ///
 /// # Errors
 /// A sentence: the sweep or its data cannot be read.
-fn truth(folder: &ResultsFolder, captions: &[&str]) -> Result<HashMap<String, Vec<Pose>>, String> {
+fn truth(folder: &ResultsFolder, captions: &[&str]) -> Result<Features, String> {
     let sweep = folder.sweep().map_err(|errors| errors.problems[0].message.clone())?;
     let data = data::open(&sweep.data, demand(&sweep).as_ref());
     let data = data.map_err(|error| error.to_string())?;
@@ -329,8 +346,30 @@ fn truth(folder: &ResultsFolder, captions: &[&str]) -> Result<HashMap<String, Ve
             && !found.contains_key(caption)
             && let Ok(features) = data.features(Split::Test, clip)
         {
-            found.insert(caption.clone(), recover_joints(&features));
+            found.insert(caption.clone(), features);
         }
     }
     Ok(found)
+}
+
+/// True motions from the codes that the run's tokenizer makes of them.
+#[cfg(feature = "train")]
+fn reconstructions(folder: &ResultsFolder, run_id: &str, truth: &Features) -> Result<Features> {
+    use isoflop::jobs::{JobId, TrainedTokenizer};
+    use isoflop::ops::DeviceName;
+    if truth.is_empty() {
+        return Ok(HashMap::new());
+    }
+    let run = folder.job(&JobId::run(run_id));
+    let tokenizer = TrainedTokenizer::of_run(&run, &DeviceName::Flex.open()?)?;
+    let one = |(caption, features): (&String, &Vec<f32>)| {
+        Ok((caption.clone(), tokenizer.reconstruction(features, caption)?))
+    };
+    truth.iter().map(one).collect()
+}
+
+/// This build has no tokenizers.
+#[cfg(not(feature = "train"))]
+fn reconstructions(_: &ResultsFolder, _: &str, _: &Features) -> Result<Features> {
+    Ok(HashMap::new())
 }

@@ -20,6 +20,7 @@ use crate::codes::TokenizerMetrics;
 use crate::data::{self, Split};
 use crate::files::atomic::{write_json, write_json_lines};
 use crate::learn::Checkpoints;
+use crate::motion::N_FEATURES;
 use crate::plan::TextJob;
 use crate::progress::beats;
 use crate::spec::{RunSpec, TokenizerJob, TokenizerSpec};
@@ -219,6 +220,18 @@ impl TrainedTokenizer {
         let Some(encoder) = &self.encoder else { return Ok(None) };
         let caption = caption.context("the tokenizer sees captions and the motion has none")?;
         Ok(Some(encoder.encode(&as_in_data(caption))?))
+    }
+
+    /// Motion from the codes of a motion: features `[T, 263]`, row-major, without the frames after the last whole latent.
+    ///
+    /// # Errors
+    /// The motion is shorter than a latent, or [`TrainedTokenizer::embed`] fails.
+    pub fn reconstruction(&self, features: &[f32], caption: &str) -> Result<Vec<f32>> {
+        let stride = self.tokenizer.spec().frames_per_latent();
+        let text = self.embed(Some(caption))?;
+        let codes = self.tokenizer.encode(features, text.as_deref())?;
+        let frames = features.len() / N_FEATURES / stride * stride;
+        Ok(self.tokenizer.decode(&codes, frames, text.as_deref(), 0.0)?)
     }
 }
 

@@ -55,6 +55,8 @@ pub struct Sample {
     pub poses: Vec<Pose>,
     /// The true motion of that caption, if the data are at hand.
     pub truth: Option<Vec<Pose>>,
+    /// The true motion from its codes, if the run's tokenizer is at hand.
+    pub reconstruction: Option<Vec<Pose>>,
 }
 
 impl ReportInput<'_> {

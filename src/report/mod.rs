@@ -147,6 +147,9 @@ fn viewer(samples: &[Sample]) -> Option<(Markup, Markup)> {
             "Motions that a run generated from captions of the test split"
             @if samples.iter().any(|sample| sample.truth.is_some()) {
                 ", each next to the true motion of its caption"
+                @if samples.iter().any(|sample| sample.reconstruction.is_some()) {
+                    " and to what the tokenizer keeps of that"
+                }
             }
             ". Drag to turn them."
         }
@@ -177,8 +180,16 @@ fn shown(sample: &Sample) -> Value {
     let flat = |poses: &Vec<Pose>| -> Vec<i32> {
         poses.iter().flatten().flatten().map(|x| (x * 1000.0).round() as i32).collect()
     };
-    let truth = sample.truth.as_ref().map(flat);
-    json!({ "run": sample.run_id, "fps": sample.fps, "mm": flat(&sample.poses), "truth": truth })
+    let bodies = [
+        ("true motion", sample.truth.as_ref()),
+        ("its reconstruction", sample.reconstruction.as_ref()),
+        ("generated", Some(&sample.poses)),
+    ];
+    let body = |(name, poses): (&str, Option<&Vec<Pose>>)| {
+        Some(json!({ "name": name, "mm": flat(poses?) }))
+    };
+    let bodies: Vec<Value> = bodies.into_iter().filter_map(body).collect();
+    json!({ "run": sample.run_id, "fps": sample.fps, "bodies": bodies })
 }
 
 #[cfg(test)]
@@ -197,6 +208,7 @@ mod tests {
             fps: 20.0,
             poses: vec![[[0.0; 3]; N_JOINTS]],
             truth: None,
+            reconstruction: None,
         };
         let study = Study {
             generator: Some(PLANTED),

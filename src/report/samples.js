@@ -9,12 +9,13 @@
   let [shown, centre, size, turn, playing, began] = [samples[0], [0, 0], 1, 0.6, !still, 0];
 
   const length = (mm) => mm.length / (3 * joints);
-  const frames = () => Math.max(length(shown.mm), shown.truth ? length(shown.truth) : 0);
+  const frames = () => Math.max(...shown.bodies.map(({ mm }) => length(mm)));
   const at = (mm, frame, joint) => mm.slice(3 * (frame * joints + joint), 3 * (frame * joints + joint) + 3);
   /** Motions, their labels, and their offset to the right in widths of the stage. */
-  const bodies = () => shown.truth
-    ? [[shown.truth, "true motion", -0.24], [shown.mm, "generated", 0.24]]
-    : [[shown.mm, "", 0]];
+  const bodies = () => {
+    const n = shown.bodies.length;
+    return shown.bodies.map(({ mm, name }, i) => [mm, n > 1 ? name : "", (i - (n - 1) / 2) * 0.96 / n]);
+  };
 
   /** The middle of the floor, and the extent that has to fit. */
   const frame = () => {
@@ -31,7 +32,7 @@
     const [east, north] = [x - centre[0], z - centre[1]];
     const right = east * Math.cos(turn) + north * Math.sin(turn);
     const away = -east * Math.sin(turn) + north * Math.cos(turn);
-    const scale = stage.height * 0.8 / size;
+    const scale = stage.height * Math.min(0.8, 1.6 / shown.bodies.length) / size;
     return [stage.width * (0.5 + aside) + right * scale, stage.height * 0.86 - (0.95 * y - 0.3 * away) * scale];
   };
 
@@ -50,7 +51,7 @@
     pen.strokeStyle = borderTopColor;
     // Squares of half a metre, or twice, four times … as much where the path is long.
     const side = 500 * 2 ** Math.max(0, Math.ceil(Math.log2(size / 20000)));
-    const half = Math.ceil(size / (2 * side)) * side / (shown.truth ? 2 : 1);
+    const half = Math.ceil(size / (2 * side)) * side / Math.min(2, shown.bodies.length);
     for (const [, , aside] of bodies()) {
       for (let way = -half; way <= half; way += side) {
         const [x, z] = [centre[0] + way, centre[1] + way];

@@ -44,7 +44,7 @@ fn motions_of_captions_are_written_whole_and_repeat() {
         assert_eq!((motion["seed"].as_u64(), codes.len() * 4), (Some(0), frames));
         let joints = place.read(&format!("a/{n}.joints.npy"));
         assert_eq!(joints.len(), 128 + 4 * frames * 22 * 3, "float32 after a header");
-        for ending in ["features.npy", "bvh", "svg"] {
+        for ending in ["features.npy", "bvh", "glb", "svg"] {
             assert!(!place.read(&format!("a/{n}.{ending}")).is_empty());
         }
     }

@@ -39,6 +39,19 @@ fn one_file_leads_from_a_sweep_to_scores() {
         let samples = place.names(&format!("results/scored/samples/{run}/scored"));
         assert_eq!(samples, ["0.features.npy", "1.features.npy", "motions.json"]);
     }
+    // The page shows the true motion, what the tokenizer keeps of it, and the generated one side by side.
+    place.isoflop(&["report", "results/scored", "--out", "page.html"]).exits(0);
+    let page = String::from_utf8(place.read("page.html")).expect("text");
+    let motions = page.split("id=\"motions\" type=\"application/json\">").nth(1).expect("motions");
+    let motions: Value =
+        serde_json::from_str(motions.split("</script>").next().unwrap()).expect("JSON");
+    for sample in motions["samples"].as_array().expect("samples") {
+        let bodies = sample["bodies"].as_array().expect("bodies");
+        let names: Vec<&Value> = bodies.iter().map(|body| &body["name"]).collect();
+        assert_eq!(names, ["true motion", "its reconstruction", "generated"]);
+        let frames = |body: usize| bodies[body]["mm"].as_array().unwrap().len() / 66;
+        assert!(frames(0) >= frames(1) && frames(0) < frames(1) + 4, "whole latents are kept");
+    }
     // The same command again makes nothing, and says the same.
     let before: Vec<_> = records::bytes(&place.path("results/scored")).into_iter().collect();
     let again = place.isoflop(&["run", "scored.yaml"]).exits(0);

@@ -197,7 +197,7 @@ fn text(run: &TrainedRun, motions: &[Motion], out: &Path, made_s: f64) -> String
     let out = out.display();
     let _ = write!(
         text,
-        "\nfiles     {out}/<n>.svg .bvh .joints.npy .features.npy\n          {out}/sheet.png, motions.json\n\
+        "\nfiles     {out}/<n>.svg .bvh .glb .joints.npy .features.npy\n          {out}/sheet.png, motions.json\n\
          BVH       bones have one length; joints are off by {largest:.0} mm at most\n"
     );
     text + &bodies(motions)

@@ -1,6 +1,6 @@
-//! Writes motions as arrays, BVH, animated SVG, and a sheet of many.
+//! Writes motions as arrays, BVH, GLB, animated SVG, and a sheet of many.
 //!
-//! `features → joints (recovery) → BVH (own inverse kinematics), SVG (camera, ground, body)`.
+//! `features → joints (recovery) → BVH and GLB (own inverse kinematics), SVG (camera, ground, body)`.
 //!
 //! | layer | files |
 //! | --- | --- |
@@ -44,6 +44,7 @@ pub struct WrittenMotion {
     /// `[T, 263]`, as given.
     pub features: PathBuf,
     pub bvh: PathBuf,
+    pub glb: PathBuf,
     pub svg: PathBuf,
     /// Distance of the BVH's rigid body from the joints.
     pub deviation: Deviation,
@@ -66,7 +67,7 @@ pub enum MotionFileError {
     Draw { path: PathBuf, error: DrawError },
 }
 
-/// Writes `<stem>.joints.npy`, `<stem>.features.npy`, `<stem>.bvh` and `<stem>.svg` into `folder`.
+/// Writes `<stem>.joints.npy`, `<stem>.features.npy`, `<stem>.bvh`, `<stem>.glb` and `<stem>.svg` into `folder`.
 ///
 /// The folder is made if it is missing; each file is renamed into place. Nothing is written for a refused motion.
 ///
@@ -78,7 +79,8 @@ pub fn write_motion(
     motion: &CaptionedMotion,
 ) -> Result<WrittenMotion, MotionFileError> {
     let file = |ending: &str| folder.join(format!("{stem}.{ending}"));
-    let [joints, features, bvh, svg] = ["joints.npy", "features.npy", "bvh", "svg"].map(file);
+    let endings = ["joints.npy", "features.npy", "bvh", "glb", "svg"];
+    let [joints, features, bvh, glb, svg] = endings.map(file);
     let poses = motion.poses()?;
     let fitted = fit_bvh(&poses, motion.fps)?;
     let page = animation::svg(&poses, motion.fps, motion.caption);
@@ -86,8 +88,9 @@ pub fn write_motion(
     write_npy(&joints, &[n_frames, N_JOINTS, 3], poses.as_flattened().as_flattened())?;
     write_npy(&features, &[n_frames, N_FEATURES], motion.features)?;
     atomic::write_bytes(&bvh, fitted.bvh.to_string().as_bytes())?;
+    atomic::write_bytes(&glb, &fitted.bvh.to_glb())?;
     atomic::write_bytes(&svg, page.as_bytes())?;
-    Ok(WrittenMotion { joints, features, bvh, svg, deviation: fitted.deviation })
+    Ok(WrittenMotion { joints, features, bvh, glb, svg, deviation: fitted.deviation })
 }
 
 /// Writes a PNG with a row for each motion: its caption, and eight poses at equal intervals.
@@ -169,7 +172,7 @@ mod tests {
         let bvh = Bvh::parse(&fs::read_to_string(&written.bvh).unwrap()).unwrap();
         assert_eq!((bvh.frames.len(), bvh.frame_time_s), (n_frames, 0.05));
         assert!(written.deviation.largest_mm < 1.0, "{:?}", written.deviation);
-        let names = ["3.bvh", "3.features.npy", "3.joints.npy", "3.svg"];
+        let names = ["3.bvh", "3.features.npy", "3.glb", "3.joints.npy", "3.svg"];
         let mut found: Vec<_> = fs::read_dir(folder.path().join("out"))
             .unwrap()
             .map(|e| e.unwrap().file_name())

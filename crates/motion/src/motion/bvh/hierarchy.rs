@@ -158,7 +158,7 @@ impl Bvh {
 }
 
 /// A joint's rotation and place in its parent's frame.
-fn local(joint: &BvhJoint, values: &[f64]) -> (Quat, Point) {
+pub fn local(joint: &BvhJoint, values: &[f64]) -> (Quat, Point) {
     let (mut rotation, mut translation) = (NO_ROTATION, joint.offset);
     for (channel, &value) in joint.channels.iter().zip(values) {
         match channel {

@@ -2,7 +2,8 @@
 //!
 //! Data flows one way in each direction:
 //!
-//! - poses → [`fit_bvh`] (rest pose, rotations, Euler angles) → [`Bvh`] → text, by `Display`;
+//! - poses → [`fit_bvh`] (rest pose, rotations, Euler angles) → [`Bvh`] → text, by `Display`, or GLB, by
+//!   [`Bvh::to_glb`];
 //! - text → [`Bvh::parse`] → [`Bvh`] → [`Bvh::positions`] (forward kinematics).
 //!
 //! Files are written in centimetres and degrees, y up, the rest pose facing +z. The rotations come
@@ -10,6 +11,7 @@
 //! the root's rotation, which no ordinary hierarchy does.
 
 mod fit;
+mod glb;
 mod hierarchy;
 mod text;
 
