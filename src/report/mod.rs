@@ -148,7 +148,7 @@ fn viewer(samples: &[Sample]) -> Option<(Markup, Markup)> {
             @if samples.iter().any(|sample| sample.truth.is_some()) {
                 ", each next to the true motion of its caption"
                 @if samples.iter().any(|sample| sample.reconstruction.is_some()) {
-                    " and to what the tokenizer keeps of that"
+                    " and the tokenizer's reconstruction of it"
                 }
             }
             ". Drag to turn them."
