@@ -243,7 +243,7 @@ fn runs_are_scored_by_an_evaluator_that_others_trained() {
     let by_hand = ["evaluate", "--run", "results/loaded", "--repeats", "1", "--no-multimodality"];
     let by_hand = place.isoflop(&by_hand).exits(0);
     let text = by_hand.stdout();
-    assert!(text.contains("as `guo` of `isoflop published`"), "{text}");
+    assert!(text.contains("rows of `guo` in `isoflop published`"), "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
     let published = ["published", "results/loaded"];
     let beside = place.isoflop(&published).exits(0);

@@ -16,7 +16,9 @@ pub fn comparable(spec: &EvaluatorSpec) -> String {
     match &spec.loaded {
         None => own,
         Some(LoadedSpec { name, .. }) => {
-            format!("{own},\nas `{name}` of `isoflop published` is if the weights are the authors'")
+            format!(
+                "{own},\nand with rows of `{name}` in `isoflop published` if its weights are theirs"
+            )
         }
     }
 }
