@@ -5,10 +5,11 @@ use super::prelude::*;
 use clap::builder::TypedValueParser;
 use isoflop::data::{self, DataFacts, MotionSource};
 use isoflop::engine::{ENGINES, Engine, Track};
+use isoflop::evaluator;
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::ops::DeviceName;
 use isoflop::plan::{Plan, demand};
-use isoflop::spec::{Clips, DataSource, Origin};
+use isoflop::spec::{Clips, DataSource, EvaluatorSpec, Origin};
 use isoflop::sweep;
 use isoflop::sweep::presets::NAMES;
 use isoflop::text::{self, TextEncoder};
@@ -131,6 +132,7 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     let encoder = text::encoder(&sweep.text).context("opening the vectors of captions")?;
     let mut facts = with_text(DataFacts::of(&*source), &sweep, &*source, &*encoder);
     facts.trainer_inputs = trainer_inputs(&sweep)?;
+    facts.evaluator = loaded_evaluator(&sweep)?;
     let plan = Plan::new(&sweep, facts);
     Ok(OpenSweep { sweep, plan, folder })
 }
@@ -158,6 +160,10 @@ pub fn plan_sweep(args: &SweepArgs) -> Result<OpenSweep> {
         Ok(digests) => facts.trainer_inputs = digests,
         Err(error) => facts.warnings.push(format!("{error:#}; ids are provisional")),
     }
+    match loaded_evaluator(&sweep) {
+        Ok(spec) => facts.evaluator = spec,
+        Err(error) => facts.warnings.push(format!("{error:#}; ids are provisional")),
+    }
     Ok(OpenSweep { plan: Plan::new(&sweep, facts), sweep, folder })
 }
 
@@ -173,6 +179,12 @@ fn with_text(
         facts.look_at_captions(source, |caption| encoder.n_tokens(caption).ok());
     }
     facts
+}
+
+/// The evaluator in the folder that the sweep names.
+fn loaded_evaluator(sweep: &Sweep) -> Result<Option<EvaluatorSpec>> {
+    let folder = sweep.evaluator.as_ref().and_then(|section| section.weights.as_deref());
+    Ok(folder.map(evaluator::spec_of).transpose()?)
 }
 
 /// Digests of the files of a user's trainer.

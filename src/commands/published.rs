@@ -2,8 +2,11 @@
 
 use super::prelude::*;
 use clap::builder::PossibleValuesParser;
+use isoflop::jobs::{JobId, JobKind};
+use isoflop::plan::EvaluatorJob;
 use isoflop::record::{ScoredRun, read_scores, row_of_run, write_published};
 use isoflop::scores::published::{self, EVALUATORS, Printed, Row, TABLES};
+use isoflop::spec::LoadedSpec;
 
 #[derive(Args)]
 pub struct PublishedArgs {
@@ -36,7 +39,7 @@ pub fn published(args: &PublishedArgs, output: &Output) -> Result<Exit> {
     for path in &args.results {
         let folder = ResultsFolder::new(path);
         let runs = read_scores(folder.root()).context("its scores; `isoflop run` writes them")?;
-        rows.extend(best(&runs).map(|run| row_of_run(&folder.name(), run)));
+        rows.extend(best(&runs).map(|run| row_beside(&folder, run)));
     }
     if let Some(out) = &args.out {
         write_published(out, &rows)?;
@@ -46,6 +49,19 @@ pub fn published(args: &PublishedArgs, output: &Output) -> Result<Exit> {
         None => text(&rows),
     };
     output.result(&json!({ "rows": rows, "sources": published::SOURCES }), &text)
+}
+
+/// A run as a row, by the published name of its evaluator if that was loaded.
+fn row_beside(folder: &ResultsFolder, run: &ScoredRun) -> Row {
+    let row = row_of_run(&folder.name(), run);
+    let job = JobId::new(JobKind::Evaluator, &run.evaluator_id);
+    let judge: Option<EvaluatorJob> = folder.known_spec(&job);
+    let Some(LoadedSpec { name, .. }) = judge.and_then(|judge| judge.spec.loaded) else {
+        return row;
+    };
+    // Published cosines are of other networks than the rest of a row.
+    let scores = row.scores.into_iter().filter(|(name, _)| name != "cosine").collect();
+    Row { evaluator: name, scores, ..row }
 }
 
 /// The run with the lowest FID of each generator.
@@ -81,10 +97,17 @@ fn text(rows: &[Row]) -> String {
 
 fn of_group(rows: &[Row]) -> String {
     let Row { evaluator, dataset, table: name, .. } = &rows[0];
-    let about = EVALUATORS.iter().find(|(name, _)| name == evaluator).map_or_else(
-        || format!("evaluator {evaluator}, trained by isoflop: not comparable with the rest"),
-        |(_, about)| format!("evaluator: {about}"),
-    );
+    let about = EVALUATORS.iter().find(|(name, _)| name == evaluator);
+    let about = match (about, published::named(name)) {
+        (None, _) => {
+            format!("evaluator {evaluator}, trained by isoflop: not comparable with the rest")
+        }
+        (Some((_, about)), Some(_)) => format!("evaluator: {about}"),
+        (Some((name, _)), None) => format!(
+            "the same evaluator as in tables of `{name}`, if its weights are the authors';\n\
+             comparable if data and protocol are theirs too"
+        ),
+    };
     let title = published::named(name).map(|table| format!("{name}: {}\n", table.title));
     let row = |row: &Row| {
         let score = |name| row.scores.get(name).map(Printed::to_string).unwrap_or_default();

@@ -15,7 +15,7 @@ use super::job::{JobId, JobKind};
 use crate::codes::TokenStore;
 use crate::data::{self, Split};
 use crate::draws::below;
-use crate::evaluator::{Evaluator, EvaluatorReport, Truth};
+use crate::evaluator::{self, Evaluator, EvaluatorReport, Truth};
 use crate::files::FileError;
 use crate::generator::{self, Edit, GeneratorError, Prompt, Sampled, Sampler, Sampling};
 use crate::learn::weights;
@@ -334,7 +334,8 @@ impl ResultsFolder {
         self.products(JobKind::Evaluator, |r: &EvaluatorReport| r.evaluator_id.clone(), warn)
     }
 
-    /// The entries of [`ResultsFolder::all_gates`] that a section describes.
+    /// The entries of [`ResultsFolder::all_gates`] that a section describes: all that were loaded, if it names a folder
+    /// that is not here any more.
     ///
     /// # Errors
     /// The folder cannot be listed.
@@ -343,7 +344,14 @@ impl ResultsFolder {
         section: &EvaluatorSection,
         warn: impl FnMut(String),
     ) -> io::Result<Vec<EvaluatorReport>> {
-        let spec = section.spec();
-        Ok(self.all_gates(warn)?.into_iter().filter(|report| report.spec == spec).collect())
+        let spec = match &section.weights {
+            None => Some(section.spec()),
+            Some(folder) => evaluator::spec_of(folder).ok(),
+        };
+        let is_own = |report: &EvaluatorReport| match &spec {
+            Some(spec) => report.spec == *spec,
+            None => report.spec.loaded.is_some(),
+        };
+        Ok(self.all_gates(warn)?.into_iter().filter(is_own).collect())
     }
 }

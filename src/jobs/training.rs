@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 
 use super::assignment::{Assignment, Outcome, open_or_remake, train_past_damage};
 use super::assignment::{LOG, MODEL, TEST_CLIPS, weights_notes};
@@ -12,14 +12,15 @@ use super::job::{JobId, JobKind};
 use super::program::{self, FinishedRun, TrainerResult};
 use super::tokenizer::{embed_captions, make_codes};
 use crate::codes::TokenStore;
-use crate::evaluator::{self, EvaluatorReport, TrainedEvaluator};
+use crate::data::MotionSource;
+use crate::evaluator::{self, Course, Evaluator, EvaluatorReport, TrainedEvaluator, Verdict};
 use crate::files::atomic::{write_json, write_json_lines};
 use crate::generator::{self, GeneratorError, Inputs, ScaleInputs, Trained, Training};
 use crate::learn::{Branch, Checkpoints, weights};
 use crate::machine::peak_bytes;
 use crate::plan::{EvaluatorJob, Trunk};
 use crate::progress::beats;
-use crate::spec::RunSpec;
+use crate::spec::{EvaluatorSpec, RunSpec};
 use crate::text::TextStore;
 use crate::tokenizer::Tokenizer;
 
@@ -94,10 +95,15 @@ pub fn train_trunk(assignment: &Assignment) -> Result<Outcome> {
     assignment.done()
 }
 
-/// Trains an evaluator, from the checkpoint if that is whole, and measures its gates; they are written last.
+/// Trains an evaluator, from the checkpoint if that is whole, or loads it, and measures its gates; they are written
+/// last.
 pub fn train_evaluator(assignment: &Assignment) -> Result<Outcome> {
     let source = assignment.source()?;
     let EvaluatorJob { spec, data_digest, .. } = assignment.spec()?;
+    if spec.loaded.is_some() {
+        let loaded = loaded_evaluator(assignment, &spec, &*source)?;
+        return judged(assignment, loaded, data_digest, &*source);
+    }
     let (path, every) = (assignment.checkpoint(), assignment.checkpoint_every()?);
     let checkpoints = Checkpoints { path: &path, every, branch: None };
     let place = assignment.place();
@@ -105,16 +111,43 @@ pub fn train_evaluator(assignment: &Assignment) -> Result<Outcome> {
     let trained = train_past_damage(&[&path], || {
         evaluator::train(&spec, &*source, assignment.device, Some(&checkpoints), &mut beats)
     })?;
-    let Some(TrainedEvaluator { evaluator, course }) = trained else {
-        return Ok(Outcome::Stopped);
-    };
-    evaluator.save(&place)?;
-    let gates = evaluator::measure(&evaluator, &*source)?;
+    match trained {
+        Some(trained) => judged(assignment, trained, data_digest, &*source),
+        None => Ok(Outcome::Stopped),
+    }
+}
+
+/// The evaluator in the folder that the sweep names.
+fn loaded_evaluator(
+    assignment: &Assignment,
+    spec: &EvaluatorSpec,
+    source: &dyn MotionSource,
+) -> Result<TrainedEvaluator> {
+    let folder = assignment.sweep()?.evaluator.and_then(|section| section.weights);
+    let folder = folder.context("the sweep names no folder of an evaluator any more")?;
+    let evaluator = Evaluator::converted(&folder, source, assignment.device)?;
+    if evaluator.spec() != spec {
+        bail!("{} holds another evaluator than when the sweep was planned", folder.display());
+    }
+    Ok(TrainedEvaluator { evaluator, course: Course::default() })
+}
+
+/// Saves an evaluator and its gates.
+fn judged(
+    assignment: &Assignment,
+    TrainedEvaluator { evaluator, course }: TrainedEvaluator,
+    data_digest: String,
+    source: &dyn MotionSource,
+) -> Result<Outcome> {
+    evaluator.save(&assignment.place())?;
+    let gates = evaluator::measure(&evaluator, source)?;
+    let spec = evaluator.spec().clone();
+    let verdicts = gates.verdicts_of(&spec);
     let report = EvaluatorReport {
         evaluator_id: assignment.job.id.clone(),
         n_parameters: evaluator.n_parameters(),
-        verdicts: gates.verdicts(),
-        passes: gates.pass(),
+        passes: verdicts.iter().all(Verdict::is_enough),
+        verdicts,
         spec,
         data_digest,
         course,

@@ -6,8 +6,8 @@ use super::price::price;
 use super::trunk::{Dropped, PricedCell, Trunk, branch};
 use crate::data::{DataFacts, Demand};
 use crate::spec::{
-    Origin, RunSpec, ShownCaptions, TRAINING_REVISION, TextSpec, TokenizerJob, TrainerProgram,
-    content_id,
+    EvaluatorSection, Origin, RunSpec, ShownCaptions, TRAINING_REVISION, TextSpec, TokenizerJob,
+    TrainerProgram, content_id,
 };
 use crate::sweep::{ScheduleKind, ScheduleSection, Sweep, Variant};
 use rayon::prelude::*;
@@ -81,8 +81,10 @@ impl Plan {
         let trunks =
             if sweep.train.schedule.shares() { branch(&mut runs, chain_of) } else { Vec::new() };
         let remarks = remarks(sweep, &tokenizers, &runs, &data);
+        let spec =
+            |section: &EvaluatorSection| data.evaluator.clone().unwrap_or_else(|| section.spec());
         let evaluator = sweep.evaluator.as_ref();
-        let evaluator = evaluator.map(|section| EvaluatorJob::new(section.spec(), &data));
+        let evaluator = evaluator.map(|section| EvaluatorJob::new(spec(section), &data));
         let judged = evaluator.as_ref().zip(sweep.scores.as_ref());
         let scores = judged.map(|(judge, spec)| ScoreJob::of_runs(&runs, &judge.id(), spec));
         Self {

@@ -23,25 +23,33 @@ train: {min_steps: 5, batch: {min: 32}}
 fn data_set() -> Place {
     let place = Place::new();
     place.write("sweep.yaml", SWEEP);
-    write_set(&place, "data", 5);
+    write_set(&place, "data", 5, TWELVE);
     place
 }
 
-/// Twelve clips of the built-in generator, written as HumanML3D has them.
-fn write_set(place: &Place, folder: &str, seed: u64) {
+/// Clips to train, to validate and to test on.
+const TWELVE: [usize; 3] = [8, 2, 2];
+
+/// Clips of the built-in generator, written as HumanML3D has them.
+pub fn write_set(place: &Place, folder: &str, seed: u64, n_clips: [usize; 3]) {
     fs::create_dir_all(place.path(folder).join("new_joint_vecs")).unwrap();
     fs::create_dir_all(place.path(folder).join("texts")).unwrap();
-    let counts = [(Split::Train, 8), (Split::Val, 2), (Split::Test, 2)];
-    let options = ProceduralOptions { seed, train_clips: 8, val_clips: 2, test_clips: 2 };
+    let [train_clips, val_clips, test_clips] = n_clips;
+    let options = ProceduralOptions { seed, train_clips, val_clips, test_clips };
     let source = Procedural::new(options);
-    for (split, n_clips) in counts {
+    for (split, n_clips) in Split::ALL.into_iter().zip(n_clips) {
         let ids: Vec<String> = (0..n_clips).map(|i| format!("{}{i}", split.name())).collect();
         place.write(&format!("{folder}/{}.txt", split.name()), ids.join("\n") + "\n");
         for (i, id) in ids.iter().enumerate() {
             let features = source.features(split, i).expect("the generator cannot fail");
             write_clip(place, folder, id, &features);
-            let lines = source.captions(split, i).into_iter().map(|c| format!("{c}#x/X#0.0#0.0\n"));
-            place.write(&format!("{folder}/texts/{id}.txt"), lines.collect::<String>());
+            let tagged = |word: &str| format!("{word}/X ");
+            let line = |c: String| {
+                let tokens: String = c.split_whitespace().map(tagged).collect();
+                format!("{c}#{}#0.0#0.0\n", tokens.trim())
+            };
+            let lines: String = source.captions(split, i).into_iter().map(line).collect();
+            place.write(&format!("{folder}/texts/{id}.txt"), lines);
         }
     }
 }
@@ -111,7 +119,7 @@ fn broken_files_are_skipped_by_name_or_refused_all_at_once() {
 fn a_union_is_trained_on_whole_and_says_what_it_is_of() {
     let place = data_set();
     fs::rename(place.path("data"), place.path("one")).unwrap();
-    write_set(&place, "two", 6);
+    write_set(&place, "two", 6, TWELVE);
     let members = "[{path: one, licence: CC0}, {path: two, name: other}]";
     let union = ["--set".to_owned(), format!("data={{mirror: false, union: {members}}}")];
     let union = union.each_ref().map(String::as_str);

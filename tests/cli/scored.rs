@@ -4,6 +4,7 @@ use std::fs;
 
 use serde_json::Value;
 
+use super::humanml3d::write_set;
 use super::support::{Place, records};
 
 /// Scores of a sweep's folder, by run.
@@ -212,4 +213,58 @@ fn what_cannot_be_scored_is_refused_before_anything_is_trained() {
     let planned = place.isoflop(&some).exits(0).stdout();
     assert!(planned.contains("an evaluator, 4 runs scored"), "{planned}");
     place.isoflop(&["evaluator", "gates", "nowhere"]).exits(2).says("nowhere does not exist");
+}
+
+/// A small sweep on a folder of clips whose texts have parts of speech, scored by networks that others trained.
+const LOADED: &str = "name: loaded
+data: {source: humanml3d, path: data, mirror: false}
+text: {dim: 16, max_tokens: 12}
+tokenizer: {width: 8, depth: 1, steps: 10, batch: 4, window: 40}
+evaluator: {weights: finest}
+scores: {repeats: 1, multimodal_captions: 0, samples: 0}
+grid:
+  models: [{n_layer: 1, n_head: 1, d_model: 8}]
+  vocab: [16]
+  budgets: [2e8]
+train: {min_steps: 5, batch: {min: 32}}
+";
+
+#[test]
+fn runs_are_scored_by_an_evaluator_that_others_trained() {
+    let place = Place::new();
+    place.write("loaded.yaml", LOADED);
+    write_set(&place, "data", 5, [16, 4, 64]);
+    let run = ["run", "loaded.yaml"];
+    place.isoflop(&run).exits(2).says("experiments/convert_evaluator.py made: evaluator.json");
+    place.isoflop(&["plan", "loaded.yaml"]).exits(0).says("ids are provisional");
+    let made = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/evaluator/guo");
+    for file in ["evaluator.json", "words.json", "weights.safetensors"] {
+        let bytes = fs::read(format!("{made}/{file}")).expect("a fixture");
+        fs::create_dir_all(place.path("finest")).expect("a folder");
+        place.write(&format!("finest/{file}"), bytes);
+    }
+    let gates = place.isoflop(&["evaluator", "train", "loaded.yaml"]).exits(0);
+    let text = gates.stdout();
+    assert!(text.contains("64 test clips, loaded as `guo`"), "{text}");
+    assert!(text.contains("gates bar no loaded evaluator") && !text.contains("FAILS"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    place.isoflop(&run).exits(0);
+    let csv = String::from_utf8(place.read("results/loaded/scores.csv")).expect("text");
+    assert_eq!(csv.lines().count(), 2, "{csv}");
+    // The folder of results has all that scores need.
+    fs::remove_dir_all(place.path("finest")).expect("a folder");
+    let by_hand = ["evaluate", "--run", "results/loaded", "--repeats", "1", "--no-multimodality"];
+    let by_hand = place.isoflop(&by_hand).exits(0);
+    let text = by_hand.stdout();
+    assert!(text.contains("rows of `guo` in `isoflop published`"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    let published = ["published", "results/loaded"];
+    let beside = place.isoflop(&published).exits(0);
+    let text = beside.stdout();
+    assert!(text.contains("the same evaluator as in tables of `guo`"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    let rows = place.isoflop(&[&published[..], &["--json"]].concat()).exits(0).json();
+    let last = rows["rows"].as_array().and_then(|rows| rows.last()).expect("rows");
+    assert_eq!((&last["table"], &last["evaluator"]), (&"loaded".into(), &"guo".into()));
+    assert!(last["scores"]["fid"].is_object() && last["scores"]["cosine"].is_null(), "{last}");
 }

@@ -7,13 +7,13 @@ use super::context::device;
 use super::prelude::*;
 use super::tokenize::warn_of;
 use isoflop::draws::distinct;
-use isoflop::evaluator::{Embedded, EvaluatorError, OneScore};
+use isoflop::evaluator::{Embedded, EvaluatorError, OneScore, comparable};
 use isoflop::jobs::{RunScores, ScoredPhysics, Scoring, TrainedRun, TrustedEvaluator};
 use isoflop::ops::DeviceName;
 use isoflop::scores::{
     Embeddings, MotionScores, POOL, Repeated, cosine_score, diversity, frechet_distance, retrieval,
 };
-use isoflop::spec::{SamplingSpec, ScoresSpec};
+use isoflop::spec::{EvaluatorSpec, SamplingSpec, ScoresSpec};
 use motions::{NamedMotion, named_motions};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -102,7 +102,10 @@ fn of_run(args: &EvaluateArgs, run: &Path, output: &Output) -> Result<Exit> {
         output.note(&format!("[{done}/{all}] FID {fid:.4}, R@1 {first:.3}"));
     }
     let scores: RunScores = scoring.finish(&repeats, &trusted.id)?;
-    output.result(&serde_json::to_value(&scores)?, &text_of_run(&run.spec.label(), &scores))
+    output.result(
+        &serde_json::to_value(&scores)?,
+        &text_of_run(&run.spec.label(), &scores, trusted.evaluator.spec()),
+    )
 }
 
 fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
@@ -113,7 +116,8 @@ fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
     let features = motions.iter().map(|(features, _)| features.as_slice());
     warn_of(paths.iter().map(PathBuf::as_path).zip(features), trusted.evaluator.stats(), output);
     let scores = FileScores::of(&motions, &trusted, args)?;
-    output.result(&serde_json::to_value(&scores)?, &text_of_files(&scores))
+    let text = text_of_files(&scores, trusted.evaluator.spec());
+    output.result(&serde_json::to_value(&scores)?, &text)
 }
 
 // [`FileScores`]: the scores of motions in files, or the reason why a score is missing.
@@ -250,7 +254,7 @@ impl EvaluateArgs {
 // Scores as text.
 
 /// The scores of a run's motions, next to motions known to be better or worse.
-fn text_of_run(label: &str, scores: &RunScores) -> String {
+fn text_of_run(label: &str, scores: &RunScores, judge: &EvaluatorSpec) -> String {
     let RunScores { made, shuffled, truth, reconstructed, .. } = scores;
     let row = |(name, scores, body): (&str, &MotionScores, Option<ScoredPhysics>)| {
         let MotionScores { fid, precision: [first, _, third], .. } = scores;
@@ -287,11 +291,11 @@ fn text_of_run(label: &str, scores: &RunScores) -> String {
         let _ = writeln!(text, "MultiModality {spread}: distance between motions of one caption");
     }
     text += &bodies(&scores.made_physics, &scores.truth_physics);
-    text + &comparable(&scores.evaluator_id)
+    text + &last(&scores.evaluator_id, judge)
 }
 
 /// The scores of motions of files.
-fn text_of_files(scores: &FileScores) -> String {
+fn text_of_files(scores: &FileScores, judge: &EvaluatorSpec) -> String {
     let FileScores { n_motions, n_captions, n_truth, .. } = scores;
     let shown = |score: Option<Repeated>| dash(score, |score| score.shown(3));
     let row = |score: &FileScore| [score.name.to_string(), shown(score.found), shown(score.truth)];
@@ -311,7 +315,7 @@ fn text_of_files(scores: &FileScores) -> String {
     let n = FileScores::true_motions(*n_motions, *n_truth);
     text += &format!("FID of true motions: {n} from the {} others\n", n_truth - n);
     text += &bodies(&scores.physics, &scores.truth_physics);
-    text + &comparable(&scores.evaluator_id)
+    text + &last(&scores.evaluator_id, judge)
 }
 
 /// Foot skate in percent, and jerk.
@@ -327,6 +331,6 @@ fn bodies(made: &ScoredPhysics, truth: &ScoredPhysics) -> String {
     )
 }
 
-fn comparable(evaluator_id: &str) -> String {
-    format!("means and 95 % intervals of repeats; comparable only with evaluator\n{evaluator_id}")
+fn last(evaluator_id: &str, judge: &EvaluatorSpec) -> String {
+    format!("means and 95 % intervals of repeats; evaluator {evaluator_id}:\n{}", comparable(judge))
 }

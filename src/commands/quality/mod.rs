@@ -135,7 +135,9 @@ fn text(
     let root = folder.root().display();
     let evaluator = &rows[0].evaluator_id;
     let _ = writeln!(text, "{root}/scores.parquet, {root}/figures/quality.svg");
-    text + &format!("comparable only with scores of the same evaluator, {evaluator}")
+    let loaded = folder.gates(evaluator).ok().flatten().and_then(|report| report.spec.loaded);
+    let name = loaded.map_or_else(String::new, |loaded| format!(" (`{}`)", loaded.name));
+    text + &format!("comparable only with scores of the same evaluator, {evaluator}{name}")
 }
 
 /// A law, and its range as budgets are left out one at a time.

@@ -14,9 +14,13 @@ use super::EvaluatorError;
 use super::matching::MatchingNetworks;
 use super::motion_clip::Towers;
 use super::seen::{Networks, Rows, Seen, words};
-use crate::data::FeatureStats;
-use crate::files::FileError;
+use super::tagged::Vocabulary;
+use crate::data::{FeatureStats, MotionSource};
+use crate::files::atomic::write_json;
+use crate::files::{ANY, FileError, read_regular};
+use crate::learn::weights::Weights;
 use crate::learn::{described, weights};
+use crate::progress::moved;
 use crate::scores::Embeddings;
 use crate::spec::{EvaluatorSpec, NetworksSpec};
 
@@ -28,12 +32,14 @@ const BATCH: usize = 64;
 pub struct Evaluator {
     networks: AnyNetworks,
     seen: Seen,
+    /// Of one that others trained; captions are hashed n-grams without it.
+    vocabulary: Option<Vocabulary>,
 }
 
 impl Evaluator {
     /// Takes networks as they are after training, without autodiff, on `device`.
     pub(super) fn new(networks: AnyNetworks, seen: Seen) -> Self {
-        Self { networks, seen }
+        Self { networks, seen, vocabulary: None }
     }
 
     /// Its specification.
@@ -73,13 +79,18 @@ impl Evaluator {
     /// Vectors of captions.
     ///
     /// # Errors
-    /// The weights hold no finite numbers.
+    /// The weights hold no finite numbers; the evaluator reads parts of speech, and those of a caption are unknown.
     pub fn captions<'a>(
         &self,
         captions: impl IntoIterator<Item = &'a str>,
     ) -> Result<Embeddings, EvaluatorError> {
-        let words: Vec<Vec<f32>> =
-            captions.into_iter().map(|caption| words(caption, self.spec())).collect();
+        let rows = |caption: &str| match &self.vocabulary {
+            None => Ok(words(caption, self.spec())),
+            Some(own) => own
+                .rows(caption, self.spec().max_words)
+                .ok_or_else(|| EvaluatorError::Untagged { caption: caption.to_string() }),
+        };
+        let words = captions.into_iter().map(rows).collect::<Result<Vec<Vec<f32>>, _>>()?;
         let words: Vec<&[f32]> = words.iter().map(Vec::as_slice).collect();
         self.embedded(&words, self.spec().word_dim, |rows| self.networks.captions(rows))
     }
@@ -92,19 +103,25 @@ impl Evaluator {
     ) -> Result<Embeddings, EvaluatorError> {
         let mut values = Vec::with_capacity(sequences.len() * self.spec().dim);
         for batch in sequences.chunks(BATCH) {
+            moved();
             let vectors = embed(&Rows::of(batch.iter().copied(), channels)).into_data();
             values.extend(vectors.iter::<f64>());
         }
         Ok(Embeddings::new(values, self.spec().dim)?)
     }
 
-    /// Writes `weights.safetensors`, then `evaluator.json`, each whole, by rename.
+    /// Writes `weights.safetensors`, then `evaluator.json`, each whole, by rename; before them `words.json` if it has
+    /// a vocabulary.
     ///
     /// # Errors
     /// The folder cannot be written to.
     pub fn save(&self, folder: &Path) -> Result<(), EvaluatorError> {
         let mut tensors = weights::of_module(&self.networks);
         weights::insert_stats(&mut tensors, self.stats());
+        if let Some(own) = &self.vocabulary {
+            own.insert(&mut tensors);
+            write_json(&folder.join(WORDS), own.stored())?;
+        }
         let saved = Saved { spec: self.spec().clone(), fps: self.fps() };
         Ok(described::save(folder, SPEC, &saved, &tensors)?)
     }
@@ -114,19 +131,47 @@ impl Evaluator {
     /// # Errors
     /// A file is missing or damaged.
     pub fn load(folder: &Path, device: &Device) -> Result<Self, EvaluatorError> {
-        let (Saved { spec, fps }, mut tensors) = described::load(folder, SPEC)?;
+        let (Saved { spec, fps }, tensors) = described::load(folder, SPEC)?;
         let problem = spec.problems().first().map(|key| format!("{} {}", key.field, key.problem));
-        let sizes = serde_json::json!({
-            "networks": spec.networks, "dim": spec.dim, "word_dim": spec.word_dim
-        });
-        let problem = problem.or_else(|| described::beyond(&sizes, &tensors));
         if let Some(problem) = problem.or_else(|| described::no_rate(fps)) {
             return Err(FileError::damaged(&folder.join(SPEC), problem).into());
         }
-        let seen = Seen { spec, stats: weights::take_stats(&mut tensors)?, fps };
+        Self::of(folder, spec, fps, tensors, device)
+    }
+
+    /// Puts together what a folder holds.
+    ///
+    /// # Errors
+    /// A tensor is missing or of another shape; `words.json` is wanted, and is missing or damaged.
+    pub(super) fn of(
+        folder: &Path,
+        spec: EvaluatorSpec,
+        fps: f64,
+        mut tensors: Weights,
+        device: &Device,
+    ) -> Result<Self, EvaluatorError> {
+        let EvaluatorSpec { networks, dim, word_dim, loaded, .. } = &spec;
+        let sizes = serde_json::json!({"networks": networks, "dim": dim, "word_dim": word_dim});
+        if let Some(problem) = described::beyond(&sizes, &tensors) {
+            return Err(FileError::damaged(&folder.join(SPEC), problem).into());
+        }
+        let vocabulary = loaded.is_some().then(|| {
+            let path = folder.join(WORDS);
+            let bytes = read_regular(&path, ANY).map_err(FileError::read(&path))?;
+            let words = serde_json::from_slice(&bytes).map_err(|error| error.to_string());
+            let own = words.and_then(|words| Vocabulary::take(words, &mut tensors, *word_dim));
+            own.map_err(|problem| FileError::damaged(&path, problem))
+        });
+        let vocabulary = vocabulary.transpose()?;
+        let seen = Seen { stats: weights::take_stats(&mut tensors)?, spec, fps };
         let mut unused = ChaCha8Rng::seed_from_u64(0);
         let networks = AnyNetworks::init(&seen.spec, seen.n_features(), &mut unused, device);
-        Ok(Self::new(weights::into_module(networks, tensors)?, seen))
+        Ok(Self { networks: weights::into_module(networks, tensors)?, seen, vocabulary })
+    }
+
+    /// Learns the words and parts of speech of the captions of the test split, if it reads such.
+    pub(super) fn read_captions(&mut self, source: &dyn MotionSource) {
+        self.vocabulary.iter_mut().for_each(|own| own.read_captions(source));
     }
 }
 
@@ -137,7 +182,10 @@ struct Saved {
     fps: f64,
 }
 
-const SPEC: &str = "evaluator.json";
+/// Its file.
+pub(super) const SPEC: &str = "evaluator.json";
+/// The words of a vocabulary.
+pub(super) const WORDS: &str = "words.json";
 
 // Only [`AnyNetworks::init`] matches on the kind.
 

@@ -30,17 +30,20 @@
 mod codec;
 mod corruption;
 mod gates;
+mod loaded;
 mod matching;
 mod motion_clip;
 mod report;
 mod seen;
+mod tagged;
 mod train;
 mod truth;
 
 pub use codec::Evaluator;
 pub use corruption::Corruption;
 pub use gates::{Corrupted, Gates, SameCaption, Swapped, halves_fid, measure};
-pub use report::{EvaluatorReport, Verdict, table};
+pub use loaded::spec_of;
+pub use report::{EvaluatorReport, Verdict, comparable, table};
 pub use train::{Course, TrainedEvaluator, ValidationLine, train};
 pub use truth::{Embedded, OneScore, Truth};
 
@@ -63,6 +66,20 @@ pub enum EvaluatorError {
     /// A motion of other features.
     #[error("a motion of {values} values is not made of frames of {wanted} features")]
     Features { values: usize, wanted: usize },
+    /// A folder that `evaluator.weights` names, without a converted evaluator.
+    #[error("{folder} holds no evaluator that experiments/convert_evaluator.py made: {problem}")]
+    NotConverted { folder: String, problem: String },
+    /// Data at another rate than the evaluator's.
+    #[error(
+        "the evaluator knows motions of {wanted} frames a second, and the data have {found}; import them at {wanted}"
+    )]
+    Rate { found: f64, wanted: f64 },
+    /// A caption whose parts of speech are not known.
+    #[error(
+        "the evaluator reads words with parts of speech, and no text of the test split gives those of `{caption}`; \
+         lines of texts must be `caption#word/TAG word/TAG#from#to`, as HumanML3D has them"
+    )]
+    Untagged { caption: String },
     /// Embeddings that have no score.
     #[error(transparent)]
     Score(#[from] ScoreError),

@@ -8,10 +8,20 @@ use super::corruption::Corruption;
 use super::gates::{Corrupted, Gates};
 use super::train::Course;
 use crate::scores::POOL;
-use crate::spec::EvaluatorSpec;
+use crate::spec::{EvaluatorSpec, LoadedSpec};
 
 /// Printed with every score.
-const COMPARABLE: &str = "scores are comparable only with those of this evaluator";
+pub fn comparable(spec: &EvaluatorSpec) -> String {
+    let own = "scores are comparable only with those of this evaluator".to_string();
+    match &spec.loaded {
+        None => own,
+        Some(LoadedSpec { name, .. }) => {
+            format!(
+                "{own},\nand with rows of `{name}` in `isoflop published` if its weights are theirs"
+            )
+        }
+    }
+}
 
 /// The facts of an evaluator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,13 +46,17 @@ impl EvaluatorReport {
 
 /// A line a gate, at most 80 columns wide.
 pub fn table(report: &EvaluatorReport) -> String {
-    let EvaluatorReport { evaluator_id, course, gates, .. } = report;
+    let EvaluatorReport { evaluator_id, course, gates, spec, .. } = report;
+    let origin = match &spec.loaded {
+        None => format!("best at step {} of training", course.best_step),
+        Some(LoadedSpec { name, .. }) => format!("loaded as `{name}`"),
+    };
     let [first, second, third] = gates.truth.map(|precision| precision.mean);
     let mut out = format!(
-        "evaluator {evaluator_id}: {} test clips, best at step {} of training\n\
+        "evaluator {evaluator_id}: {} test clips, {origin}\n\
          R@1 {first:.3}, R@2 {second:.3}, R@3 {third:.3} of true motions in pools of 32, \
          of which\n{:.1} captions are not alone\n\n",
-        gates.n_clips, course.best_step, gates.duplicates.mean,
+        gates.n_clips, gates.duplicates.mean,
     );
     for verdict in &report.verdicts {
         let Verdict { gate, found, wanted, passes, required } = verdict;
@@ -61,11 +75,13 @@ pub fn table(report: &EvaluatorReport) -> String {
     for (n, fid) in &gates.fid_by_n {
         let _ = write!(out, " {:.3} of {n}", fid.mean);
     }
-    let verdict = match report.passes {
-        true => "every required gate is passed",
-        false => "required gates are failed: it scores nothing",
+    let blind = report.verdicts.iter().filter(|own| !own.passes).count();
+    let verdict = match (report.passes, &spec.loaded) {
+        (_, Some(_)) => format!("gates bar no loaded evaluator; {blind} are failed"),
+        (true, None) => "every required gate is passed".to_string(),
+        (false, None) => "required gates are failed: it scores nothing".to_string(),
     };
-    out + &format!("\n{verdict};\n{COMPARABLE}")
+    out + &format!("\n{verdict};\n{}", comparable(spec))
 }
 
 // Gates.
@@ -111,7 +127,8 @@ impl Verdict {
         Self { gate: gate.into(), found, wanted: wanted.into(), passes, required: true }
     }
 
-    fn is_enough(&self) -> bool {
+    /// Whether it bars no score.
+    pub fn is_enough(&self) -> bool {
         self.passes || !self.required
     }
 }
@@ -122,6 +139,14 @@ impl Gates {
         let seen = Corruption::ALL.map(|corruption| self.seen(corruption));
         let last = [Some(self.swapping()), self.spread()].into_iter().flatten();
         [self.retrieval()].into_iter().chain(seen).chain(last).collect()
+    }
+
+    /// The verdicts of an evaluator, none of which is required if others trained it: its scores are taken to stand
+    /// beside published ones, whatever it is blind to.
+    pub fn verdicts_of(&self, spec: &EvaluatorSpec) -> Vec<Verdict> {
+        let required = |own: &Verdict| own.required && spec.loaded.is_none();
+        let own = self.verdicts().into_iter();
+        own.map(|own| Verdict { required: required(&own), ..own }).collect()
     }
 
     /// Whether scores by this evaluator mean something.

@@ -78,7 +78,7 @@ impl Rows {
 
 // Motions and captions as rows.
 
-/// Normalised values lie within ± this.
+/// Normalised values lie within ± this, unless others trained the evaluator without bounds.
 const BOUND: f32 = 10.0;
 
 /// Deviation of a joint's change of velocity from frame to frame, as a share of the deviation of its velocity: 0.36 on
@@ -166,7 +166,8 @@ impl Seen {
     /// The columns that are seen, normalised.
     fn standard(&self, features: &[f32]) -> Vec<f32> {
         let FeatureStats { mean, std } = &self.stats;
-        let (all, bounded) = (mean.len(), |value: f32| value.clamp(-BOUND, BOUND));
+        let bound = if self.spec.loaded.is_some() { f32::INFINITY } else { BOUND };
+        let (all, bounded) = (mean.len(), |value: f32| value.clamp(-bound, bound));
         let columns = self.spec.representation.columns(all);
         let mut values = Vec::with_capacity(features.len() / all * self.n_features());
         let mut frames = features.chunks_exact(all).peekable();

@@ -36,8 +36,8 @@ pub struct TrainedEvaluator {
     pub course: Course,
 }
 
-/// How training went.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// How training went; nothing of one that is loaded.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Course {
     /// The step after which the validation loss was lowest; its weights are kept.
     pub best_step: usize,

@@ -12,7 +12,7 @@ use crate::files::atomic::{json, write_bytes};
 use crate::files::{FileError, SMALL, read_regular};
 
 /// The weights of a module.
-const WEIGHTS: &str = "weights.safetensors";
+pub const WEIGHTS: &str = "weights.safetensors";
 /// The note with the digest of the description.
 const DESCRIPTION: &str = "description";
 

@@ -133,6 +133,8 @@ pub struct Item {
     /// Whether features are mirrored on their way out.
     pub mirrored: bool,
     pub captions: Vec<String>,
+    /// The [tokens](Annotation::tokens) of each caption.
+    pub tokens: Vec<String>,
 }
 
 impl Item {
@@ -144,8 +146,9 @@ impl Item {
 
     /// The item with left and right exchanged.
     pub fn mirrored(&self) -> Item {
-        let captions = self.captions.iter().map(|caption| mirror_caption(caption)).collect();
-        Item { mirrored: true, captions, ..self.clone() }
+        let [captions, tokens] = [&self.captions, &self.tokens]
+            .map(|texts| texts.iter().map(|text| mirror_caption(text)).collect());
+        Item { mirrored: true, captions, tokens, ..self.clone() }
     }
 }
 
@@ -164,6 +167,7 @@ pub fn items_of(
         Ok(n_frames) => n_frames,
         Err(clause) => return (Vec::new(), vec![format!("clip {} {clause}; left out", clip.id)]),
     };
+    let of_whole = clip.annotations.iter().filter(|own| own.span_s.is_none());
     let whole = Item {
         clip: index,
         stem: clip.id.clone(),
@@ -171,9 +175,8 @@ pub fn items_of(
         first_frame: 0,
         n_frames,
         mirrored: false,
-        captions: (clip.annotations.iter().filter(|own| own.span_s.is_none()))
-            .map(|own| own.caption.clone())
-            .collect(),
+        captions: of_whole.clone().map(|own| own.caption.clone()).collect(),
+        tokens: of_whole.map(|own| own.tokens.clone()).collect(),
     };
     let (parts, skipped) = parts_of(clip, &whole, rule, fps);
     let whole = (!whole.captions.is_empty()).then_some(whole);
@@ -182,15 +185,16 @@ pub fn items_of(
 
 fn parts_of(clip: &ClipFile, whole: &Item, rule: LengthRule, fps: f64) -> (Vec<Item>, Vec<String>) {
     let (mut parts, mut skipped) = (Vec::new(), Vec::new());
-    let spans = clip.annotations.iter().filter_map(|a| Some((a.span_s?, &a.caption)));
-    for (((from_s, to_s), caption), letter) in spans.zip(('A'..='Z').cycle()) {
+    let spans = clip.annotations.iter().filter_map(|own| Some((own.span_s?, own)));
+    for (((from_s, to_s), own), letter) in spans.zip(('A'..='Z').cycle()) {
         let [first_frame, end] = [from_s, to_s].map(|s| clip.n_frames().min((s * fps) as usize));
         match rule.crop(end - first_frame) {
             Ok(n_frames) => parts.push(Item {
                 letter: Some(letter),
                 first_frame,
                 n_frames,
-                captions: vec![caption.clone()],
+                captions: vec![own.caption.clone()],
+                tokens: vec![own.tokens.clone()],
                 ..whole.clone()
             }),
             Err(clause) => skipped.push(format!(

@@ -121,6 +121,10 @@ impl MotionSource for HumanMl3d {
         self.library.items[split as usize][index].captions.clone()
     }
 
+    fn tokens(&self, split: Split, index: usize) -> Vec<String> {
+        self.library.items[split as usize][index].tokens.clone()
+    }
+
     fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError> {
         Ok(self.library.features(&self.library.items[split as usize][index]))
     }

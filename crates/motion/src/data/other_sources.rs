@@ -186,6 +186,11 @@ impl MotionSource for Union {
         source.captions(split, index)
     }
 
+    fn tokens(&self, split: Split, index: usize) -> Vec<String> {
+        let (source, _, index) = self.place(split, index);
+        source.tokens(split, index)
+    }
+
     fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError> {
         let (source, _, index) = self.place(split, index);
         source.features(split, index)

@@ -127,6 +127,11 @@ pub trait MotionSource: Sync {
     /// The clip's captions, lower-case, at least one.
     fn captions(&self, split: Split, index: usize) -> Vec<String>;
 
+    /// The words of each caption with their parts of speech, as `walk/VERB`; empty if the data have none.
+    fn tokens(&self, split: Split, index: usize) -> Vec<String> {
+        vec![String::new(); self.captions(split, index).len()]
+    }
+
     /// Raw (not normalised) features, row-major `[n_frames, N_FEATURES]`.
     fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError>;
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::spec::{ClipShape, Grid};
+use crate::spec::{ClipShape, EvaluatorSpec, Grid};
 
 /// What a plan needs to know of a data set.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,6 +21,8 @@ pub struct DataFacts {
     pub embeddings: Option<String>,
     /// Contents of the files that a program of somebody's own is made of, by their names.
     pub trainer_inputs: BTreeMap<String, String>,
+    /// The evaluator in the folder that `evaluator.weights` names; `None` if it names none.
+    pub evaluator: Option<EvaluatorSpec>,
     pub warnings: Vec<String>,
     /// The data sets of a union.
     pub members: Vec<MemberFacts>,

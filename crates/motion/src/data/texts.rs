@@ -15,6 +15,8 @@ use crate::files::read_text;
 pub struct Annotation {
     /// The caption, lower-case, with single spaces.
     pub caption: String,
+    /// Its words with their parts of speech, `a/DET person/NOUN walk/VERB`; empty if the line has none.
+    pub tokens: String,
     /// The part of the clip that it describes, `[from, to)` in seconds; the whole clip if absent.
     pub span_s: Option<(f64, f64)>,
 }
@@ -40,23 +42,22 @@ pub enum CaptionProblem {
 
 /// The annotation in `line`.
 ///
-/// The tokens (words with their part of speech) are not kept. `nan` counts as 0, and from 0 to 0
-/// is the whole clip. A line without `#` is a caption of the whole clip, as Motion-X writes them.
+/// `nan` counts as 0, and from 0 to 0 is the whole clip. A line without `#` is a caption of the whole clip, as Motion-X writes them.
 ///
 /// # Errors
 /// [`CaptionProblem`] if the line is neither.
 pub fn parse_annotation(line: &str) -> Result<Annotation, CaptionProblem> {
     let fields: Vec<&str> = line.split('#').collect();
-    let (text, span_s) = match fields[..] {
-        [text] => (text, None),
-        [text, _tokens, from, to] => (text, span(from, to)?),
+    let (text, tokens, span_s) = match fields[..] {
+        [text] => (text, "", None),
+        [text, tokens, from, to] => (text, tokens, span(from, to)?),
         _ => return Err(CaptionProblem::Fields(fields.len())),
     };
     let words: Vec<String> = text.split_whitespace().map(str::to_lowercase).collect();
     if words.is_empty() {
         return Err(CaptionProblem::NoCaption);
     }
-    Ok(Annotation { caption: words.join(" "), span_s })
+    Ok(Annotation { caption: words.join(" "), tokens: tokens.trim().to_owned(), span_s })
 }
 
 /// The annotations of a whole file, and a sentence for each line that holds none.
@@ -210,14 +211,15 @@ mod tests {
     use super::*;
 
     fn annotation(caption: &str, span_s: Option<(f64, f64)>) -> Annotation {
-        Annotation { caption: caption.to_owned(), span_s }
+        Annotation { caption: caption.to_owned(), tokens: String::new(), span_s }
     }
 
     #[test]
     fn a_line_gives_its_caption_and_its_span() {
         let line = "A man  waves, slowly.#a/DET man/NOUN wave/VERB slowly/ADV#1.5#4.0\r";
+        let tokens = "a/DET man/NOUN wave/VERB slowly/ADV".to_owned();
         let expected = annotation("a man waves, slowly.", Some((1.5, 4.0)));
-        assert_eq!(parse_annotation(line), Ok(expected));
+        assert_eq!(parse_annotation(line), Ok(Annotation { tokens, ..expected }));
     }
 
     #[test]
@@ -225,7 +227,9 @@ mod tests {
         for line in
             ["he sits#he/PRON sit/VERB#0.0#0.0", "he sits##nan#nan", "he sits##0.0#NaN", "he sits"]
         {
-            assert_eq!(parse_annotation(line), Ok(annotation("he sits", None)), "{line}");
+            let found =
+                parse_annotation(line).map(|own| Annotation { tokens: String::new(), ..own });
+            assert_eq!(found, Ok(annotation("he sits", None)), "{line}");
         }
     }
 

@@ -51,7 +51,7 @@ pub use data::{
 };
 pub use evaluator::{
     EVALUATOR_REVISION, EvaluatorFeatures, EvaluatorKind, EvaluatorSection, EvaluatorSpec,
-    MatchingSpec, Mismatches, MotionClipSpec, NetworksSpec,
+    LoadedSpec, MatchingSpec, Mismatches, MotionClipSpec, NetworksSpec,
 };
 pub use generator::flops;
 pub use generator::{

@@ -37,9 +37,9 @@ impl MatchingNetworks {
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        let MatchingSpec { width, dropout, .. } = *sizes;
+        let width = sizes.width;
         Self {
-            movement: Movement::init(n_features, width, dropout, rng, device),
+            movement: Movement::init(n_features, spec, sizes, rng, device),
             motion: Reader::init([width, 2 * width, spec.dim], rng, device),
             caption: Reader::init([spec.word_dim, width, spec.dim], rng, device),
             sizes: sizes.clone(),
@@ -47,7 +47,7 @@ impl MatchingNetworks {
     }
 
     fn moved(&self, rows: &Rows, rng: Option<&mut ChaCha8Rng>) -> Tensor<2> {
-        let order = Order::padded(&rows.lengths, longest(rows));
+        let order = Order::padded(&rows.lengths, self.movement.longest(rows));
         self.motion.read(self.movement.rows(rows, rng), &order)
     }
 }
@@ -92,18 +92,23 @@ struct Movement {
     output: Affine,
     #[module(skip)]
     dropout: f64,
+    /// Rows that every motion is filled up to with frames of zeros, which the second convolution sees as the first
+    /// makes them: Guo et al.'s way. `None` fills up to the longest motion, and motions do not see beyond their end.
+    #[module(skip)]
+    filled: Option<usize>,
 }
 
 impl Movement {
-    /// From frames of `n_features` to rows of `width`.
+    /// From frames of `n_features` to rows of the spec's width.
     fn init(
         n_features: usize,
-        width: usize,
-        dropout: f64,
+        spec: &EvaluatorSpec,
+        &MatchingSpec { width, dropout, .. }: &MatchingSpec,
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
         Self {
+            filled: spec.loaded.is_some().then_some(spec.window / FRAMES),
             first: Conv1d::halving([n_features, width], rng, device),
             second: Conv1d::halving([width, width], rng, device),
             output: Affine::new(width, width, rng, device),
@@ -111,13 +116,21 @@ impl Movement {
         }
     }
 
+    /// Rows that motions are filled up to.
+    fn longest(&self, rows: &Rows) -> usize {
+        self.filled.unwrap_or_else(|| rows.lengths.iter().copied().max().unwrap_or(0))
+    }
+
     /// Rows of four frames each, `[n r, c]`; motions that have fewer rows than the longest are filled up.
     fn rows(&self, rows: &Rows, mut rng: Option<&mut ChaCha8Rng>) -> Tensor<2> {
-        let device = self.output.device();
-        let x_ntf = frames(rows, &device);
+        let (device, longest) = (self.output.device(), self.longest(rows));
+        let x_ntf = frames(rows, longest, &device);
         let first = rectified(self.first.forward(x_ntf), self.dropout, rng.as_deref_mut());
-        // Rows beyond the end of a motion are zero, as beyond the longest.
-        let first = first * there(rows, &device);
+        let first = match self.filled {
+            Some(_) => first,
+            // Rows beyond the end of a motion are zero, as beyond the longest.
+            None => first * there(rows, longest, &device),
+        };
         let second = rectified(self.second.forward(first), self.dropout, rng);
         let [n, r, c] = second.dims();
         self.output.forward(second.reshape([n * r, c]))
@@ -125,8 +138,8 @@ impl Movement {
 }
 
 /// Motions side by side, `[n, 4 r, f]`, filled up with zeros.
-fn frames(rows: &Rows, device: &Device) -> Tensor<3> {
-    let (n, longest) = (rows.lengths.len(), longest(rows));
+fn frames(rows: &Rows, longest: usize, device: &Device) -> Tensor<3> {
+    let n = rows.lengths.len();
     let channels = rows.values.len() / rows.lengths.iter().sum::<usize>();
     let mut values = Vec::with_capacity(n * longest * channels);
     let mut start = 0;
@@ -140,18 +153,14 @@ fn frames(rows: &Rows, device: &Device) -> Tensor<3> {
 }
 
 /// 1 if a motion has a frame at half the rate, else 0, `[n, 2 r, 1]`.
-fn there(rows: &Rows, device: &Device) -> Tensor<3> {
-    let halves = 2 * longest(rows);
+fn there(rows: &Rows, longest: usize, device: &Device) -> Tensor<3> {
+    let halves = 2 * longest;
     let of = |length: &usize| {
         let own = 2 * length;
         (0..halves).map(move |half| f32::from(u8::from(half < own)))
     };
     let values: Vec<f32> = rows.lengths.iter().flat_map(of).collect();
     Tensor::from_data(TensorData::new(values, [rows.lengths.len(), halves, 1]), device)
-}
-
-fn longest(rows: &Rows) -> usize {
-    rows.lengths.iter().copied().max().unwrap_or(0)
 }
 
 /// The rectifier, after some channels are left out in training.

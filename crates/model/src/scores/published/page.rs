@@ -12,7 +12,8 @@ const HEAD: &str = "\
 All numbers that the tables of ScaMo and LG-Tok print, and scores of other systems: to be named beside one's own.
 **Scores by different evaluators are not comparable**: neither those of two evaluators below with one another, nor
 any of them with scores by an evaluator that isoflop trained ([evaluation.md](evaluation.md)). The weights of the
-evaluators behind these tables are bound to one data set and one representation, and cannot be had everywhere.
+evaluators behind these tables are bound to one data set and one representation, and cannot be had everywhere; if you
+have them, `evaluator: {weights: FOLDER}` scores your runs by the same ([evaluation.md](evaluation.md)).
 
 `isoflop published results/NAME` prints scores of motions with the best runs of a sweep by FID beside them, each
 table with its evaluator; `--table NAME` prints one table as CSV; `--out DIR` writes `published.parquet` and

@@ -1,17 +1,21 @@
 //! [`EvaluatorSpec`]: the networks whose embeddings motions are scored by, and the `evaluator` section of a sweep
 //! file ([`EvaluatorSection`]), which it follows from.
 
+mod features;
+
 use std::f64::consts::PI;
-use std::ops::Range;
+use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+pub use features::EvaluatorFeatures;
 
 use super::{KeyProblem, failed, out_of_range};
 use crate::units::number::plain;
 use crate::units::{or_default, section};
 
-plain!(EvaluatorKind, EvaluatorFeatures, Mismatches);
+plain!(EvaluatorKind, Mismatches);
 
 /// Raised when the same spec would train to other bits, or be measured by other gates.
 pub const EVALUATOR_REVISION: u32 = 4;
@@ -30,39 +34,6 @@ pub enum EvaluatorKind {
     Matching,
 }
 
-/// Features of a frame that an evaluator sees.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum EvaluatorFeatures {
-    /// All 263 of HumanML3D, as the motion has them.
-    Full,
-    /// The first 67: the root and the positions of the joints.
-    Meng67,
-    /// These, and the velocities, contacts and accelerations of the joints, which are computed from them.
-    #[default]
-    Moving,
-}
-
-/// Accelerations of the joints.
-const ACCELERATIONS: usize = 66;
-
-impl EvaluatorFeatures {
-    /// The columns that are seen, out of `all`.
-    pub fn columns(self, all: usize) -> [Range<usize>; 2] {
-        match self {
-            Self::Full => [0..all, all..all],
-            Self::Meng67 => [0..all.min(67), all..all],
-            Self::Moving => [0..all.min(67), all.min(193)..all],
-        }
-    }
-
-    /// The number of features, with accelerations behind the columns.
-    pub fn n_features(self, all: usize) -> usize {
-        let columns = self.columns(all).into_iter().map(|columns| columns.len()).sum::<usize>();
-        if self == Self::Moving { columns + ACCELERATIONS } else { columns }
-    }
-}
-
 /// The keys shared by all kinds, with their defaults, for the section and for the resolved form.
 macro_rules! shared {
     ($(
@@ -74,6 +45,10 @@ macro_rules! shared {
             ///
             /// The defaults train in a minute or two on a core.
             pub struct EvaluatorSection {
+                /// A folder with an evaluator that others trained, in place of the other keys:
+                /// `experiments/convert_evaluator.py` makes it, of the weights behind published tables. From
+                /// the working folder; ids hold its content instead.
+                weights: Option<PathBuf> = None, unless "Option::is_none";
                 /// The kind of networks.
                 kind: EvaluatorKind = EvaluatorKind::default();
                 /// Channels of a row in both towers (128); for `kind: matching`, of the convolutions and of
@@ -113,11 +88,14 @@ macro_rules! shared {
             /// Absent in files of evaluators that learned from true motions alone.
             #[serde(default)]
             pub corrupted: f64,
+            /// Weights that others trained; keys of training mean nothing then. `None` if it is trained here.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub loaded: Option<LoadedSpec>,
             $($(#[$about])* pub $key: $type,)*
         }
 
         impl EvaluatorSection {
-            /// The evaluator that it describes.
+            /// The evaluator that it describes, if that is trained here.
             pub fn spec(&self) -> EvaluatorSpec {
                 EvaluatorSpec {
                     networks: self.networks(),
@@ -127,6 +105,7 @@ macro_rules! shared {
                         EvaluatorKind::Matching => 2e-3,
                     }),
                     corrupted: self.corrupted,
+                    loaded: None,
                     $($key: self.$key,)*
                 }
             }
@@ -184,6 +163,13 @@ impl EvaluatorSection {
             !clip, "belongs to `kind: matching`" => margin, mismatches, dropout;
         });
         found.extend(self.spec().problems());
+        let alone = Self { weights: None, ..self.clone() } == Self::default();
+        let alone = self.weights.is_none() || alone;
+        found.extend(failed([(
+            alone,
+            "weights",
+            "are of an evaluator that is not trained here: take out its other keys",
+        )]));
         found
     }
 }
@@ -220,12 +206,25 @@ impl EvaluatorSpec {
         (self.corrupted * self.batch as f64).round() as usize
     }
 
-    /// FLOPs that training counts for.
+    /// FLOPs that training counts for; 0 if it is loaded.
     pub fn training_flops(&self) -> f64 {
+        if self.loaded.is_some() {
+            return 0.0;
+        }
         let motion = self.window.div_ceil(self.frames().max(1));
         let all = (self.batch + self.n_corrupted()) * motion + self.batch * self.max_words;
         3.0 * (self.steps * all) as f64 * self.networks.flops_per_row(motion + self.max_words)
     }
+}
+
+/// An evaluator that others trained.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoadedSpec {
+    /// Its name in published tables, as its user says: `guo`, `mardm`.
+    pub name: String,
+    /// Blake3 hex digest of its files.
+    pub digest: String,
 }
 
 // [`NetworksSpec`]: which networks embed motions and captions.
@@ -346,41 +345,4 @@ const ROWS_KEPT: f64 = 13.0;
 const GATES_KEPT: f64 = 33.0;
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_rate_rises_and_falls_to_nothing() {
-        let section =
-            EvaluatorSection { steps: 300, warmup_steps: 100, ..EvaluatorSection::default() };
-        let spec = section.spec();
-        let rates: Vec<f64> = (0..=300).map(|step| spec.learning_rate(step)).collect();
-        assert!(rates[..100].is_sorted() && rates[100..].iter().rev().is_sorted());
-        assert!((rates[100] - spec.lr).abs() < 1e-12 && rates[300].abs() < 1e-12);
-    }
-
-    fn fields(yaml: &str) -> Vec<String> {
-        let section: EvaluatorSection = serde_yaml::from_str(yaml).unwrap();
-        section.problems().into_iter().map(|problem| problem.field).collect()
-    }
-
-    #[test]
-    fn every_impossible_value_is_named() {
-        for kind in ["{}", "{kind: matching}", "{kind: motionclip}"] {
-            assert_eq!(fields(kind), Vec::<&str>::new());
-        }
-        assert_eq!(fields("{heads: 3}"), ["heads"]);
-        assert_eq!(fields("{batch: 1, word_drop: 1}"), ["word_drop", "batch"]);
-        assert_eq!(fields("{window: 3}"), ["window"]);
-        assert_eq!(fields("{pool_clips: 8}"), ["pool_clips"]);
-        assert_eq!(fields("{kind: matching, margin: 0, dropout: 1}"), ["margin", "dropout"]);
-    }
-
-    #[test]
-    fn no_key_of_one_kind_is_written_for_the_other() {
-        let clip = "{kind: matching, layers: 2, heads: 4, frames: 4}";
-        assert_eq!(fields(clip), ["layers", "heads", "frames"]);
-        let matching = "{margin: 10, mismatches: all, dropout: 0.2}";
-        assert_eq!(fields(matching), ["margin", "mismatches", "dropout"]);
-    }
-}
+mod tests;
