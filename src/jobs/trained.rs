@@ -5,8 +5,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
 use super::assignment::{MODEL, OF_RUN};
@@ -14,13 +12,13 @@ use super::folder::{JobState, Product, ResultsFolder};
 use super::job::{JobId, JobKind};
 use crate::codes::TokenStore;
 use crate::data::{self, Split};
-use crate::draws::below;
+use crate::draws::{below, stream};
 use crate::evaluator::{Evaluator, EvaluatorReport, Truth};
 use crate::files::FileError;
 use crate::generator::{self, Edit, GeneratorError, Prompt, Sampled, Sampler, Sampling};
 use crate::learn::weights;
 use crate::spec::{EvaluatorSection, RunSpec};
-use crate::text::{self, TextEncoder, as_in_data};
+use crate::text::{self, LengthEstimator, TextEncoder, as_in_data};
 use crate::tokenizer::Tokenizer;
 
 /// First ChaCha stream of lengths, far above those of motions.
@@ -139,14 +137,29 @@ impl TrainedRun {
         prompts.par_iter().zip(sampled).map(decoded).collect()
     }
 
-    /// The length of a clip of the training split, in frames, drawn by a seed and an index.
+    /// The length estimator of the run's captions; `None` if their file is gone or damaged, or of an older version.
+    pub fn length_estimator(&self) -> Option<LengthEstimator> {
+        LengthEstimator::open(&self.folder.text(&self.spec.text_id)).ok().flatten()
+    }
+
+    /// A length in frames, of whole latents, drawn by a seed and an index: by an estimator from a caption's vectors, or
+    /// without one the length of any clip of the training split.
     ///
     /// # Errors
     /// The codes of its data are missing or damaged.
-    pub fn some_length(&self, seed: u64, index: u64) -> Result<usize> {
+    pub fn some_length(
+        &self,
+        estimator: Option<&LengthEstimator>,
+        text: &[f32],
+        seed: u64,
+        index: u64,
+    ) -> Result<usize> {
+        let mut rng = stream(seed, LENGTHS_STREAM + index);
+        if let Some(estimator) = estimator {
+            let latent = self.tokenizer.spec().frames_per_latent();
+            return Ok((estimator.draw(text, &mut rng) / latent).max(1) * latent);
+        }
         let tokens = TokenStore::open(&self.folder.tokens(&self.spec.tokenizer_id))?;
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(LENGTHS_STREAM + index);
         let clip = below(&mut rng, tokens.n_clips(Split::Train));
         Ok(tokens.clip_frames(Split::Train, clip))
     }

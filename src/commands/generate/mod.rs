@@ -7,12 +7,14 @@ mod times;
 pub use args::GenerateArgs;
 
 use super::prelude::*;
+use args::Seconds;
 use edit::Source;
 use isoflop::figures::motion::{CaptionedMotion, write_motion, write_sheet};
 use isoflop::generator::Prompt;
 use isoflop::jobs::{MadeMotion, TrainedRun};
 use isoflop::motion::recover_joints;
 use isoflop::scores::{Physics, physics};
+use isoflop::text::LengthEstimator;
 use std::time::Instant;
 
 /// Motions per batch.
@@ -32,6 +34,9 @@ struct Order {
 }
 
 pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
+    if args.seconds == Some(Seconds::Auto) && (args.times || args.edit.is_some()) {
+        bail!("--seconds auto is for whole motions of captions; here give a number of seconds");
+    }
     let run = TrainedRun::open(&args.run, &args.device.open()?)?;
     if args.times {
         return times::times(args, &run, output);
@@ -43,7 +48,7 @@ pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
     let out = folder(args, &run)?;
     let source =
         args.edit.as_ref().map(|path| Source::read(path, args, &run, output)).transpose()?;
-    let orders = orders(args, &run, source.as_ref())?;
+    let orders = orders(args, &run, source.as_ref(), output)?;
     warn_of_words(&args.all_captions()?, &run, output);
     let started = Instant::now();
     let made = make(args, &run, &orders, source.as_ref())?;
@@ -80,15 +85,24 @@ fn warn_of_words(captions: &[String], run: &TrainedRun, output: &Output) {
 }
 
 /// The requested motions: some per caption.
-fn orders(args: &GenerateArgs, run: &TrainedRun, source: Option<&Source>) -> Result<Vec<Order>> {
+fn orders(
+    args: &GenerateArgs,
+    run: &TrainedRun,
+    source: Option<&Source>,
+    output: &Output,
+) -> Result<Vec<Order>> {
+    let asked = source.map(Source::n_frames).or(args.n_frames(run.spec.fps));
+    let draws = asked.is_none() && (run.wants_length() || args.seconds == Some(Seconds::Auto));
+    let estimator = if draws { length_estimator(args, run, output)? } else { None };
     let mut orders = Vec::new();
     for caption in args.all_captions()? {
         let text = run.embed(&caption)?;
         for _ in 0..args.samples {
             let index = orders.len();
-            let asked = source.map(Source::n_frames).or(args.n_frames(run.spec.fps));
             let n_frames = match asked {
-                None if run.wants_length() => Some(run.some_length(args.seed, index as u64)?),
+                None if draws => {
+                    Some(run.some_length(estimator.as_ref(), &text, args.seed, index as u64)?)
+                }
                 asked => asked,
             };
             let (caption, text) = (caption.clone(), text.clone());
@@ -96,6 +110,28 @@ fn orders(args: &GenerateArgs, run: &TrainedRun, source: Option<&Source>) -> Res
         }
     }
     Ok(orders)
+}
+
+/// The run's length estimator. Without one, `--seconds auto` is an error, and otherwise lengths are drawn from all clips,
+/// with a warning.
+fn length_estimator(
+    args: &GenerateArgs,
+    run: &TrainedRun,
+    output: &Output,
+) -> Result<Option<LengthEstimator>> {
+    let estimator = run.length_estimator();
+    if estimator.is_none() {
+        let file = run.folder.text(&run.spec.text_id);
+        let reason = format!(
+            "{} has no length estimator; remove the file, and `isoflop run` makes it again",
+            file.display()
+        );
+        if args.seconds == Some(Seconds::Auto) {
+            bail!("{reason}");
+        }
+        output.warn(&format!("lengths are drawn from all training clips: {reason}"));
+    }
+    Ok(estimator)
 }
 
 /// Generates codes, then features, one batch at a time; of an edit, the part joined to the rest.
