@@ -14,7 +14,6 @@ use isoflop::generator::Prompt;
 use isoflop::jobs::{MadeMotion, TrainedRun};
 use isoflop::motion::recover_joints;
 use isoflop::scores::{Physics, physics};
-use isoflop::text::LengthEstimator;
 use std::time::Instant;
 
 /// Motions per batch.
@@ -48,7 +47,7 @@ pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
     let out = folder(args, &run)?;
     let source =
         args.edit.as_ref().map(|path| Source::read(path, args, &run, output)).transpose()?;
-    let orders = orders(args, &run, source.as_ref(), output)?;
+    let orders = orders(args, &run, source.as_ref())?;
     warn_of_words(&args.all_captions()?, &run, output);
     let started = Instant::now();
     let made = make(args, &run, &orders, source.as_ref())?;
@@ -85,53 +84,24 @@ fn warn_of_words(captions: &[String], run: &TrainedRun, output: &Output) {
 }
 
 /// The requested motions: some per caption.
-fn orders(
-    args: &GenerateArgs,
-    run: &TrainedRun,
-    source: Option<&Source>,
-    output: &Output,
-) -> Result<Vec<Order>> {
+fn orders(args: &GenerateArgs, run: &TrainedRun, source: Option<&Source>) -> Result<Vec<Order>> {
     let asked = source.map(Source::n_frames).or(args.n_frames(run.spec.fps));
     let draws = asked.is_none() && (run.wants_length() || args.seconds == Some(Seconds::Auto));
-    let estimator = if draws { length_estimator(args, run, output)? } else { None };
+    let estimator = draws.then(|| run.length_estimator()).transpose();
+    let estimator = estimator.context("estimating lengths; --seconds gives one")?;
     let mut orders = Vec::new();
     for caption in args.all_captions()? {
         let text = run.embed(&caption)?;
         for _ in 0..args.samples {
             let index = orders.len();
-            let n_frames = match asked {
-                None if draws => {
-                    Some(run.some_length(estimator.as_ref(), &text, args.seed, index as u64)?)
-                }
-                asked => asked,
-            };
+            let drawn =
+                estimator.as_ref().map(|own| run.draw_length(own, &text, args.seed, index as u64));
+            let n_frames = asked.or(drawn);
             let (caption, text) = (caption.clone(), text.clone());
             orders.push(Order { caption, text, n_frames, index });
         }
     }
     Ok(orders)
-}
-
-/// The run's length estimator. Without one, `--seconds auto` is an error, and otherwise lengths are drawn from all clips,
-/// with a warning.
-fn length_estimator(
-    args: &GenerateArgs,
-    run: &TrainedRun,
-    output: &Output,
-) -> Result<Option<LengthEstimator>> {
-    let estimator = run.length_estimator();
-    if estimator.is_none() {
-        let file = run.folder.text(&run.spec.text_id);
-        let reason = format!(
-            "{} has no length estimator; remove the file, and `isoflop run` makes it again",
-            file.display()
-        );
-        if args.seconds == Some(Seconds::Auto) {
-            bail!("{reason}");
-        }
-        output.warn(&format!("lengths are drawn from all training clips: {reason}"));
-    }
-    Ok(estimator)
 }
 
 /// Generates codes, then features, one batch at a time; of an edit, the part joined to the rest.

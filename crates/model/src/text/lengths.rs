@@ -1,8 +1,9 @@
 //! [`LengthEstimator`]: how long a motion is, from its caption (MoMask's length estimator).
 //!
-//! A classifier of one hidden layer over the mean of a caption's vectors. Class i stands for a length of (i + 1) times
-//! [`LengthEstimator::unit`] frames. It is trained with the captions of the training split and kept in their file:
-//! columns `lengths.hidden` and `lengths.output`, and the note `lengths.unit`.
+//! A classifier of one hidden layer over the mean of a caption's vectors. Its classes are the lengths from the shortest
+//! training clip to the longest, in steps of four frames, or of more beyond 64 classes. It is trained with the captions
+//! of the training split and kept in their file: columns `lengths.hidden` and `lengths.output`, and the notes
+//! `lengths.unit` and `lengths.first`.
 
 use std::path::Path;
 
@@ -31,31 +32,42 @@ const DECAY: f32 = 1.0;
 
 const HIDDEN: &str = "lengths.hidden";
 const OUTPUT: &str = "lengths.output";
-/// The note with the frames of a class.
-pub const UNIT: &str = "lengths.unit";
+const UNIT: &str = "lengths.unit";
+const FIRST: &str = "lengths.first";
 
 /// A trained estimator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LengthEstimator {
-    /// Frames of a class, a multiple of 4.
-    pub unit: usize,
+    /// Frames of a step, a multiple of 4.
+    unit: usize,
+    /// Steps of the first class: class i stands for (first + i) · unit frames.
+    first: usize,
     /// `[N_HIDDEN, dim + 1]` row-major; the last number of a row is its bias.
     hidden: Vec<f32>,
     /// `[n_classes, N_HIDDEN + 1]`, likewise.
     output: Vec<f32>,
 }
 
-/// A clip of the training split: its frames, and the numbers of its captions.
+/// A clip of the training split: its frames, and its captions by id, at least one.
 pub type ClipCaptions<'a> = (usize, &'a [u32]);
 
 impl LengthEstimator {
-    /// Trains on clips whose captions have these mean vectors, `[n, dim]` row-major. A step draws clips, and a caption of
-    /// each. There is at least one clip.
-    pub fn train(means: &[f32], dim: usize, clips: &[ClipCaptions]) -> Self {
+    /// Trains on clips, at least one; `vectors` gives a caption's, `[n_words, dim]` row-major. A step draws clips, and a
+    /// caption of each.
+    pub fn train<'a>(
+        dim: usize,
+        clips: &[ClipCaptions],
+        vectors: impl Fn(u32) -> &'a [f32],
+    ) -> Self {
+        let n_captions = 1 + clips.iter().flat_map(|(_, captions)| *captions).max().unwrap_or(&0);
+        let mean = |caption| mean_of(vectors(caption), dim);
+        let means: Vec<f32> = (0..n_captions).flat_map(mean).collect();
         let longest = clips.iter().map(|(frames, _)| *frames).max().unwrap_or(0);
         let unit = 4 * longest.div_ceil(4 * MOST_CLASSES).max(1);
-        let n_classes = (longest / unit).max(1);
-        let (centre, scale) = moments(means, dim);
+        let steps = |frames: usize| (frames / unit).max(1);
+        let first = clips.iter().map(|(frames, _)| steps(*frames)).min().unwrap_or(1);
+        let n_classes = steps(longest) - first + 1;
+        let (centre, scale) = moments(&means, dim);
         let mut rng = stream(0, 0);
         let mut hidden = Trained::new(N_HIDDEN, dim, &mut rng);
         let mut output = Trained::zeros(n_classes, N_HIDDEN);
@@ -68,7 +80,7 @@ impl LengthEstimator {
                 let x: Vec<f32> = mean.map(|(x, (centre, scale))| (x - centre) * scale).collect();
                 let h = relu(rows(&hidden.weights, &x));
                 let mut error = softmax(rows(&output.weights, &h));
-                subtract_target(&mut error, (frames / unit).max(1) - 1);
+                subtract_target(&mut error, steps(frames) - first);
                 let mut error_h = output.add_gradient(&h, &error);
                 error_h.iter_mut().zip(&h).filter(|(_, h)| **h == 0.0).for_each(|(e, _)| *e = 0.0);
                 hidden.add_gradient(&x, &error_h);
@@ -78,12 +90,17 @@ impl LengthEstimator {
             output.step(rate, step);
         }
         let hidden = of_raw_inputs(hidden.weights, &centre, &scale);
-        Self { unit, hidden, output: output.weights }
+        Self { unit, first, hidden, output: output.weights }
     }
 
     /// The columns of its file.
     pub fn columns(&self) -> [NewColumn<'_>; 2] {
         [NewColumn::new(HIDDEN, &self.hidden), NewColumn::new(OUTPUT, &self.output)]
+    }
+
+    /// The notes of its file.
+    pub fn notes(&self) -> [(String, String); 2] {
+        [(UNIT, self.unit), (FIRST, self.first)].map(|(name, n)| (name.to_string(), n.to_string()))
     }
 
     /// Reads it from the file of a data set's captions; `None` if an older version wrote the file.
@@ -96,10 +113,10 @@ impl LengthEstimator {
             return Ok(None);
         }
         let column = |name| Ok::<_, FileError>(file.column::<f32>(name)?.values().to_vec());
-        let (unit, dim) = (file.number(UNIT)?, file.number("dim")?);
-        let own = Self { unit, hidden: column(HIDDEN)?, output: column(OUTPUT)? };
-        let is_sound = (1..1 << 20).contains(&unit)
-            && dim < 1 << 20
+        let [unit, first, dim] = [UNIT, FIRST, "dim"].map(|name| file.number(name));
+        let (unit, first, dim) = (unit?, first?, dim?);
+        let own = Self { unit, first, hidden: column(HIDDEN)?, output: column(OUTPUT)? };
+        let is_sound = [unit, first, dim].iter().all(|n| (1..1 << 20).contains(n))
             && own.hidden.len() == N_HIDDEN * (dim + 1)
             && !own.output.is_empty()
             && own.output.len().is_multiple_of(N_HIDDEN + 1);
@@ -120,12 +137,12 @@ impl LengthEstimator {
             left -= probability;
             left < 0.0
         });
-        (drawn.unwrap_or(probabilities.len() - 1) + 1) * self.unit
+        (self.first + drawn.unwrap_or(probabilities.len() - 1)) * self.unit
     }
 }
 
 /// The mean of a caption's vectors.
-pub fn mean_of(vectors: &[f32], dim: usize) -> Vec<f32> {
+fn mean_of(vectors: &[f32], dim: usize) -> Vec<f32> {
     let n = (vectors.len() / dim).max(1) as f32;
     let mut mean = vec![0.0; dim];
     for vector in vectors.chunks_exact(dim) {
@@ -247,23 +264,24 @@ mod tests {
 
     /// Captions of two kinds, whose clips have 40 to 60 frames and 160 to 180.
     fn trained() -> LengthEstimator {
-        let means = [1.0, 0.2, -3.0, 1.1, 0.1, -3.0, -1.0, 0.1, -3.0, -1.1, 0.2, -3.0];
+        let means = &[1.0, 0.2, -3.0, 1.1, 0.1, -3.0, -1.0, 0.1, -3.0, -1.1, 0.2, -3.0];
         let clip = |i: usize| {
             let frames = if i.is_multiple_of(2) { 40 } else { 160 } + 4 * (i / 2 % 6);
             (frames, if i.is_multiple_of(2) { &[0, 1][..] } else { &[2, 3][..] })
         };
-        LengthEstimator::train(&means, 3, &(0..24).map(clip).collect::<Vec<_>>())
+        let clips: Vec<ClipCaptions> = (0..24).map(clip).collect();
+        LengthEstimator::train(3, &clips, |caption| &means[caption as usize * 3..][..3])
     }
 
     #[test]
     fn a_caption_of_short_motions_gives_a_short_length_and_one_of_long_motions_a_long_one() {
         let estimator = trained();
         assert_eq!(estimator.unit, 4);
-        assert_eq!(estimator.probabilities(&[0.0; 3]).len(), 45);
+        assert_eq!(estimator.probabilities(&[0.0; 3]).len(), 36, "from 40 frames to 180");
         let mut rng = stream(1, 0);
         // Two words, whose mean is the vector of the caption.
         for (vectors, from, to) in [
-            ([0.5, 0.2, -3.0, 1.5, 0.2, -3.0], 32, 68),
+            ([0.5, 0.2, -3.0, 1.5, 0.2, -3.0], 40, 68),
             ([-0.5, 0.2, -3.0, -1.5, 0.2, -3.0], 152, 180),
         ] {
             let sum: f32 = estimator.probabilities(&vectors).iter().sum();
@@ -278,9 +296,12 @@ mod tests {
 
     #[test]
     fn lengths_beyond_those_of_the_papers_share_the_classes() {
-        let estimator = LengthEstimator::train(&[1.0, 2.0], 1, &[(40, &[0]), (1000, &[1])]);
+        let vectors = &[1.0, 2.0];
+        let clips: [ClipCaptions; 2] = [(40, &[0]), (1000, &[1])];
+        let estimator =
+            LengthEstimator::train(1, &clips, |caption| &vectors[caption as usize..][..1]);
         assert_eq!(estimator.unit, 16);
-        assert_eq!(estimator.probabilities(&[1.0]).len(), 62);
+        assert_eq!(estimator.probabilities(&[1.0]).len(), 61);
         assert!(estimator.draw(&[2.0], &mut stream(0, 1)) >= 900);
     }
 
@@ -289,9 +310,9 @@ mod tests {
         let (estimator, folder) = (trained(), tempfile::tempdir().unwrap());
         let path = folder.path().join("captions.safetensors");
         let write = |columns: &[NewColumn], dim: &str| {
-            let notes = [("dim", dim), (UNIT, "4")];
-            let notes = notes.map(|(name, note)| (name.to_string(), note.to_string()));
-            columns::write(&path, columns, HashMap::from(notes)).unwrap();
+            let mut notes = HashMap::from(estimator.notes());
+            notes.insert("dim".to_string(), dim.to_string());
+            columns::write(&path, columns, notes).unwrap();
             LengthEstimator::open(&path)
         };
         assert_eq!(write(&estimator.columns(), "3").unwrap(), Some(estimator.clone()));

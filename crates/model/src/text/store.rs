@@ -16,7 +16,7 @@ use crate::files::FileError;
 use crate::files::columns::{self, Column, ColumnFile, NewColumn};
 use crate::progress::moved;
 
-use super::lengths::{self, ClipCaptions, LengthEstimator};
+use super::lengths::{ClipCaptions, LengthEstimator};
 
 /// A frozen encoder of captions.
 pub trait TextEncoder: Sync {
@@ -138,7 +138,7 @@ pub fn embed(
     let lengths = length_estimator(source, &splits[Split::Train as usize], &embeddings, &words);
     if let Some(lengths) = &lengths {
         all.extend(lengths.columns());
-        notes.insert(lengths::UNIT.to_string(), lengths.unit.to_string());
+        notes.extend(lengths.notes());
     }
     Ok(columns::write(path, &all, notes)?)
 }
@@ -150,19 +150,16 @@ fn length_estimator(
     embeddings: &[f32],
     words: &[u64],
 ) -> Option<LengthEstimator> {
-    let dim = embeddings.len() / *words.last()? as usize;
-    let n_known = captions.iter().max()? + 1;
-    let vectors = |ends: &[u64]| &embeddings[ends[0] as usize * dim..ends[1] as usize * dim];
-    let means: Vec<f32> = words
-        .windows(2)
-        .take(n_known as usize)
-        .flat_map(|ends| lengths::mean_of(vectors(ends), dim))
-        .collect();
     let clip = |(index, ends): (usize, &[u64])| {
         (source.n_frames(Split::Train, index), &captions[ends[0] as usize..ends[1] as usize])
     };
     let clips: Vec<ClipCaptions> = offsets.windows(2).enumerate().map(clip).collect();
-    Some(LengthEstimator::train(&means, dim, &clips))
+    let dim = embeddings.len() / *words.last()? as usize;
+    let vectors = |caption: u32| {
+        let [from, to] = [0, 1].map(|i| words[caption as usize + i] as usize * dim);
+        &embeddings[from..to]
+    };
+    (!clips.is_empty()).then(|| LengthEstimator::train(dim, &clips, vectors))
 }
 
 // Words of captions, in lower case.
