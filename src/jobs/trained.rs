@@ -5,8 +5,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
 use super::assignment::{MODEL, OF_RUN};
@@ -14,13 +12,13 @@ use super::folder::{JobState, Product, ResultsFolder};
 use super::job::{JobId, JobKind};
 use crate::codes::TokenStore;
 use crate::data::{self, Split};
-use crate::draws::below;
+use crate::draws::stream;
 use crate::evaluator::{self, Evaluator, EvaluatorReport, Truth};
 use crate::files::FileError;
 use crate::generator::{self, Edit, GeneratorError, Prompt, Sampled, Sampler, Sampling};
 use crate::learn::weights;
 use crate::spec::{EvaluatorSection, RunSpec};
-use crate::text::{self, TextEncoder, as_in_data};
+use crate::text::{self, LengthEstimator, TextEncoder, TextStore, as_in_data};
 use crate::tokenizer::Tokenizer;
 
 /// First ChaCha stream of lengths, far above those of motions.
@@ -139,16 +137,35 @@ impl TrainedRun {
         prompts.par_iter().zip(sampled).map(decoded).collect()
     }
 
-    /// The length of a clip of the training split, in frames, drawn by a seed and an index.
+    /// The run's length estimator, trained here if an older version embedded the captions.
     ///
     /// # Errors
-    /// The codes of its data are missing or damaged.
-    pub fn some_length(&self, seed: u64, index: u64) -> Result<usize> {
+    /// The captions or the codes of its data are missing or damaged.
+    pub fn length_estimator(&self) -> Result<LengthEstimator> {
+        let path = self.folder.text(&self.spec.text_id);
+        if let Some(estimator) = LengthEstimator::open(&path)? {
+            return Ok(estimator);
+        }
+        let texts = TextStore::open(&path)?;
         let tokens = TokenStore::open(&self.folder.tokens(&self.spec.tokenizer_id))?;
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(LENGTHS_STREAM + index);
-        let clip = below(&mut rng, tokens.n_clips(Split::Train));
-        Ok(tokens.clip_frames(Split::Train, clip))
+        let n_clips = [texts.n_clips(Split::Train), tokens.n_clips(Split::Train)];
+        let clip =
+            |clip| (tokens.clip_frames(Split::Train, clip), texts.captions(Split::Train, clip));
+        let clips: Vec<_> = (0..n_clips[0].min(n_clips[1])).map(clip).collect();
+        Ok(LengthEstimator::train(texts.dim(), &clips, |caption| texts.embedding(caption)))
+    }
+
+    /// A length in frames, of whole latents, that an estimator draws for a caption's vectors, by a seed and an index.
+    pub fn draw_length(
+        &self,
+        estimator: &LengthEstimator,
+        text: &[f32],
+        seed: u64,
+        index: u64,
+    ) -> usize {
+        let latent = self.tokenizer.spec().frames_per_latent();
+        let drawn = estimator.draw(text, &mut stream(seed, LENGTHS_STREAM + index));
+        (drawn / latent).max(1) * latent
     }
 
     /// Whether motions can be moved away from those without text.

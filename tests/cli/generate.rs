@@ -56,6 +56,12 @@ fn motions_of_captions_are_written_whole_and_repeat() {
     assert_ne!(other[0]["codes"], first[0]["codes"]);
     let timed = made(&place, run, &["--seconds", "2", "--out", "d"]);
     assert!(timed.iter().all(|motion| motion["length"] == 40 && motion["ended"] == true));
+    let estimated = made(&place, run, &["--seconds", "auto", "--samples", "9", "--out", "e"]);
+    let ends_where_told = |motion: &Value| {
+        motion["ended"] == true && (40..=196).contains(&motion["length"].as_u64().expect("frames"))
+    };
+    assert!(estimated.iter().all(ends_where_told), "{estimated:?}");
+    assert!(estimated.iter().any(|motion| motion["length"] != estimated[0]["length"]));
     let times = ["generate", "--run", run, "--times", "--seconds", "1"];
     let table = place.isoflop(&times).exits(0).stdout();
     assert!(table.contains("motions of 1.0 s on flex"), "{table}");
@@ -97,6 +103,9 @@ fn what_cannot_be_made_is_told() {
     refused(&["walk", "--run", "results/mini", "--frames", "3"], "ask for at least 4 frames");
     refused(&["walk", "--run", "results/mini", "--guidance", "2"], "every caption");
     refused(&["walk", "--run", "results/mini", "--temperature=-1"], "not a number from 0 on");
+    refused(&["walk", "--run", "results/mini", "--seconds", "0"], "a number above 0, or auto");
+    let times = ["walk", "--run", "results/mini", "--times", "--seconds", "auto"];
+    refused(&times, "here give a number of seconds");
     let words = ["generate", "cartwheel", "Lasso, cartwheel", "--run", "results/mini"];
     let told = "\"cartwheel\" and \"lasso\" stand in no training caption";
     place.isoflop(&words).exits(0).says(told);
@@ -187,6 +196,21 @@ fn a_masked_generator_runs_to_its_laws_and_makes_motions() {
     assert!(place.path("results/mini/laws.json").exists());
     let motions = made(&place, "results/mini", &["--out", "made", "--guidance", "1"]);
     assert!(motions.iter().all(|motion| motion["length"].as_u64() >= Some(40)), "{motions:?}");
+    let captions = place.names("results/mini/text").remove(0);
+    let file = place.path(&format!("results/mini/text/{captions}/vectors.safetensors"));
+    let mut bytes = fs::read(&file).expect("captions");
+    // As an older version wrote it: without an estimator.
+    for name in ["\"lengths.hidden\"", "\"digest\""] {
+        let at = bytes.windows(name.len()).position(|part| part == name.as_bytes());
+        bytes[at.expect("a column of this name") + 1] = b'_';
+    }
+    fs::write(&file, bytes).expect("it was there");
+    let trained_anew = made(&place, "results/mini", &["--out", "again", "--guidance", "1"]);
+    assert_eq!(trained_anew, motions, "as by the estimator of the captions' file");
+    fs::remove_file(file).expect("it was there");
+    let words = ["generate", "walk", "--run", "results/mini", "--out", "none"];
+    place.isoflop(&words).exits(2).says("vectors.safetensors").says("--seconds");
+    place.isoflop(&[&words[..], &["--seconds", "3"]].concat()).exits(0);
 }
 
 #[test]

@@ -7,7 +7,7 @@
 //! | --- | --- | --- | --- |
 //! | 1 | [`draws`] | random numbers on the host | |
 //! | 1 | [`codes`] | the codes of a data set, between a tokenizer and a generator | |
-//! | 1 | [`text`] | captions into frozen embeddings | |
+//! | 1 | [`text`] | captions into frozen embeddings, and the lengths of motions from them | draws |
 //! | 2 | [`scores`] | FID, R-precision and similar scores from embeddings and joints | |
 //! | 2 | [`ops`] | the operations of the models, with their gradients | |
 //! | 2 | [`learn`] | the training loop: optimiser, weights, checkpoints | ops |

@@ -32,9 +32,10 @@ pub struct GenerateArgs {
     /// The same seed gives the same motions
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
-    /// Length in seconds; by default the model ends the motion, or takes the length of a training clip
-    #[arg(long, value_name = "S", conflicts_with = "frames", value_parser = positive)]
-    pub seconds: Option<f64>,
+    /// Length in seconds, or `auto`: drawn by the length estimator from the caption. By default the model ends the motion,
+    /// or the length is `auto`
+    #[arg(long, value_name = "S|auto", conflicts_with = "frames", value_parser = seconds)]
+    pub seconds: Option<Seconds>,
     /// Length in frames
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: Option<u32>,
@@ -89,10 +90,12 @@ impl GenerateArgs {
         Ok(captions)
     }
 
-    /// The requested length in frames.
+    /// The requested length in frames; `None` for `--seconds auto`.
     pub fn n_frames(&self, fps: f64) -> Option<usize> {
-        let seconds = self.seconds.map(|seconds| (seconds * fps).round().max(1.0) as usize);
-        seconds.or(self.frames.map(|frames| frames as usize))
+        match self.seconds {
+            Some(Seconds::Given(seconds)) => Some((seconds * fps).round().max(1.0) as usize),
+            _ => self.frames.map(|frames| frames as usize),
+        }
     }
 
     /// The sampling options over those of the run's sweep, and the guidance of the detokenizer. Guidance that only the
@@ -117,8 +120,19 @@ impl GenerateArgs {
     }
 }
 
-fn positive(text: &str) -> Result<f64, String> {
-    number(text, |x| x > 0.0, "a number above 0")
+/// What `--seconds` asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Seconds {
+    /// A length by the length estimator.
+    Auto,
+    Given(f64),
+}
+
+fn seconds(text: &str) -> Result<Seconds, String> {
+    match text {
+        "auto" => Ok(Seconds::Auto),
+        text => number(text, |x| x > 0.0, "a number above 0, or auto").map(Seconds::Given),
+    }
 }
 
 /// A span of seconds: `1.5..3`, `..2` or `4..`.

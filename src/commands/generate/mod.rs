@@ -7,6 +7,7 @@ mod times;
 pub use args::GenerateArgs;
 
 use super::prelude::*;
+use args::Seconds;
 use edit::Source;
 use isoflop::figures::motion::{CaptionedMotion, write_motion, write_sheet};
 use isoflop::generator::Prompt;
@@ -32,6 +33,9 @@ struct Order {
 }
 
 pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
+    if args.seconds == Some(Seconds::Auto) && (args.times || args.edit.is_some()) {
+        bail!("--seconds auto is for whole motions of captions; here give a number of seconds");
+    }
     let run = TrainedRun::open(&args.run, &args.device.open()?)?;
     if args.times {
         return times::times(args, &run, output);
@@ -81,16 +85,18 @@ fn warn_of_words(captions: &[String], run: &TrainedRun, output: &Output) {
 
 /// The requested motions: some per caption.
 fn orders(args: &GenerateArgs, run: &TrainedRun, source: Option<&Source>) -> Result<Vec<Order>> {
+    let asked = source.map(Source::n_frames).or(args.n_frames(run.spec.fps));
+    let draws = asked.is_none() && (run.wants_length() || args.seconds == Some(Seconds::Auto));
+    let estimator = draws.then(|| run.length_estimator()).transpose();
+    let estimator = estimator.context("estimating lengths; --seconds gives one")?;
     let mut orders = Vec::new();
     for caption in args.all_captions()? {
         let text = run.embed(&caption)?;
         for _ in 0..args.samples {
             let index = orders.len();
-            let asked = source.map(Source::n_frames).or(args.n_frames(run.spec.fps));
-            let n_frames = match asked {
-                None if run.wants_length() => Some(run.some_length(args.seed, index as u64)?),
-                asked => asked,
-            };
+            let drawn =
+                estimator.as_ref().map(|own| run.draw_length(own, &text, args.seed, index as u64));
+            let n_frames = asked.or(drawn);
             let (caption, text) = (caption.clone(), text.clone());
             orders.push(Order { caption, text, n_frames, index });
         }

@@ -13,6 +13,7 @@
 //! ```
 
 mod embedding_file;
+mod lengths;
 #[cfg(feature = "encoders")]
 mod models;
 mod store;
@@ -20,6 +21,7 @@ mod store;
 use crate::spec::{TextEncoderKind, TextSpec};
 
 pub use embedding_file::{EmbeddingFile, caption_key};
+pub use lengths::LengthEstimator;
 pub use store::{TextEncoder, TextError, TextStore, embed, unseen_words};
 
 /// The encoder of a sweep.

@@ -4,7 +4,8 @@
 //! Columns: `embeddings` (f32), `words` (u64, the start of each distinct caption, in words, and the end), and for each
 //! split `<split>.captions` (u32, distinct captions, clip by clip) and `<split>.offsets` (u64, the start of each clip's
 //! captions, and the end); `training_words` (u64, sorted, a hash of each word of the captions of the training split;
-//! files of older versions have none); `dim` in the metadata.
+//! files of older versions have none); the [`LengthEstimator`](super::LengthEstimator), if there are training clips and
+//! the version is not older; `dim` in the metadata.
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
@@ -14,6 +15,8 @@ use crate::failure::FailureKind;
 use crate::files::FileError;
 use crate::files::columns::{self, Column, ColumnFile, NewColumn};
 use crate::progress::moved;
+
+use super::lengths::{ClipCaptions, LengthEstimator};
 
 /// A frozen encoder of captions.
 pub trait TextEncoder: Sync {
@@ -107,7 +110,7 @@ fn named(captions: &[String]) -> String {
 /// Captions that an encoder is given at once.
 const AT_ONCE: usize = 1024;
 
-/// Embeds each distinct caption of `source` once and writes the store at `path`.
+/// Embeds each distinct caption of `source` once, trains a length estimator, and writes the store at `path`.
 ///
 /// # Errors
 /// Captions without vectors, all in one [`TextError::Missing`]; the file cannot be written.
@@ -131,8 +134,32 @@ pub fn embed(
         all.push(NewColumn::new(format!("{}.captions", split.name()), captions));
         all.push(NewColumn::new(format!("{}.offsets", split.name()), offsets));
     }
-    let notes = HashMap::from([("dim".to_string(), encoder.dim().to_string())]);
+    let mut notes = HashMap::from([("dim".to_string(), encoder.dim().to_string())]);
+    let lengths = length_estimator(source, &splits[Split::Train as usize], &embeddings, &words);
+    if let Some(lengths) = &lengths {
+        all.extend(lengths.columns());
+        notes.extend(lengths.notes());
+    }
     Ok(columns::write(path, &all, notes)?)
+}
+
+/// A length estimator trained on the captions of the training split; `None` without clips.
+fn length_estimator(
+    source: &dyn MotionSource,
+    (captions, offsets): &SplitCaptions,
+    embeddings: &[f32],
+    words: &[u64],
+) -> Option<LengthEstimator> {
+    let clip = |(index, ends): (usize, &[u64])| {
+        (source.n_frames(Split::Train, index), &captions[ends[0] as usize..ends[1] as usize])
+    };
+    let clips: Vec<ClipCaptions> = offsets.windows(2).enumerate().map(clip).collect();
+    let dim = embeddings.len() / *words.last()? as usize;
+    let vectors = |caption: u32| {
+        let [from, to] = [0, 1].map(|i| words[caption as usize + i] as usize * dim);
+        &embeddings[from..to]
+    };
+    (!clips.is_empty()).then(|| LengthEstimator::train(dim, &clips, vectors))
 }
 
 // Words of captions, in lower case.

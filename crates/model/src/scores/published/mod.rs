@@ -99,7 +99,7 @@ pub static TABLES: [Table; 20] = [
     table!("lg-tok-7", "mardm", "Motion-X", 2, "training without motions of other kinds"),
     table!("lg-tok-8", "mardm", "", 2, "language in decoding"),
     table!("lg-tok-9", "", "", 1, "inference times"),
-    table!("lg-tok-perplexity", "", "", 2, "perplexity of the generator, §4.3"),
+    table!("lg-tok-perplexity", "", "", 2, "perplexity in §4.3: an exponential entropy"),
 ];
 
 /// What one thing scores.
