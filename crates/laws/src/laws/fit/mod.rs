@@ -276,9 +276,7 @@ pub fn parametric_laws(
     let form = parametric.coefficients.form;
     let kind = LawKind::Parametric(form);
     let mut laws = unfitted(kind, (name, flops_rule), form.parameters(), reference, points);
-    let absent = Finding::TermAbsent("N_v").sentence();
-    laws.judgement.vocab_is_chance =
-        parametric.warnings.contains(&absent) || vocab_is_chance(&Place::of_runs(points));
+    laws.judgement.vocab_is_chance = vocab_is_chance(&Place::of_runs(points));
     laws.parametric = Some(parametric);
     around(&laws, reference)
 }
