@@ -88,7 +88,7 @@ pub(super) fn sizes_tell(places: &[Place]) -> Result<(), FitError> {
     budgets_differ(&budgets)?;
     match chance(&budgets, |_| Vec::new(), surface) {
         Some(p) if p > CHANCE => no_law(format!(
-            "N and V explain how the losses of a budget differ no better than chance would (p = {p:.2})"
+            "sizes explain how the losses of a budget differ no better than chance would (p = {p:.2})"
         )),
         _ => Ok(()),
     }
