@@ -6,6 +6,7 @@ use clap::builder::TypedValueParser;
 use isoflop::data::{self, DataFacts, MotionSource};
 use isoflop::engine::{ENGINES, Engine, Track};
 use isoflop::evaluator;
+use isoflop::files::{ANY, read_regular};
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::ops::DeviceName;
 use isoflop::plan::{Plan, demand};
@@ -13,7 +14,6 @@ use isoflop::spec::{Clips, DataSource, EvaluatorSpec, Origin};
 use isoflop::sweep;
 use isoflop::sweep::presets::NAMES;
 use isoflop::text::{self, TextEncoder};
-use std::fs;
 
 /// A sweep file and its overrides.
 #[derive(Args, Clone)]
@@ -191,7 +191,7 @@ fn loaded_evaluator(sweep: &Sweep) -> Result<Option<EvaluatorSpec>> {
 fn trainer_inputs(sweep: &Sweep) -> Result<BTreeMap<String, String>> {
     let inputs = sweep.trainer.iter().flat_map(|trainer| &trainer.inputs);
     let digest = |path: &PathBuf| {
-        let bytes = fs::read(path)
+        let bytes = read_regular(path, ANY)
             .with_context(|| format!("reading {}, which trainer.inputs names", path.display()))?;
         Ok((path.display().to_string(), blake3::hash(&bytes).to_hex().to_string()))
     };

@@ -6,11 +6,11 @@ use isoflop::codes::{ClipCodes, ClipScale};
 use isoflop::data::{
     Annotation, FeatureStats, Held, Look, Seen, look, parse_annotation, read_motion,
 };
+use isoflop::files::read_text;
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::motion::N_FEATURES;
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::fs;
 
 pub fn tokenize(args: &TokenizeArgs, output: &Output) -> Result<Exit> {
     let tokenizer = args.tokenizer.open()?;
@@ -134,7 +134,7 @@ pub fn captions_of_lines(path: &Path, n: usize) -> Result<Vec<Option<String>>> {
 
 /// The lines of a file that are not blank.
 pub fn lines_of(path: &Path) -> Result<Vec<String>> {
-    let text = fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+    let text = read_text(path).with_context(|| format!("reading {}", path.display()))?;
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     Ok(lines.map(String::from).collect())
 }
@@ -145,7 +145,7 @@ pub fn caption_beside(motion: &Path) -> Result<Option<String>> {
     if !path.is_file() {
         return Ok(None);
     }
-    let text = fs::read_to_string(&path).with_context(|| format!("reading {}", path.display()))?;
+    let text = read_text(&path).with_context(|| format!("reading {}", path.display()))?;
     let lines = text.trim_start_matches('\u{feff}').lines().filter(|line| !line.trim().is_empty());
     let read: Result<Vec<Annotation>, _> = lines.map(parse_annotation).collect();
     let read = read.with_context(|| format!("a line of {}", path.display()))?;
@@ -188,6 +188,12 @@ pub fn motion_name(path: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn captions_without_an_end_are_refused() {
+        let told = format!("{:#}", lines_of(Path::new("/dev/zero")).unwrap_err());
+        assert!(told.contains("/dev/zero") && told.contains("no regular file"), "{told}");
+    }
 
     #[test]
     fn the_files_of_a_motion_have_one_name() {

@@ -4,7 +4,7 @@
 //! The columns are those of [`COLUMNS`], then undeclared metrics by name. A missing column reads as null.
 
 use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::io::Cursor;
 use std::path::Path;
 
 use polars::io::parquet::write::KeyValueMetadata;
@@ -15,7 +15,7 @@ use serde_json::{Map, Value, json};
 use super::facts::{COLUMNS, CellKind, FactColumn, LOSSES, Planned};
 use super::run_record::{RunRecord, flat};
 use crate::files::atomic::{write_bytes, write_whole};
-use crate::files::digest;
+use crate::files::{ANY, LARGE, digest, read_regular};
 use crate::table::parquet_frame;
 
 /// Why a table could not be written or read.
@@ -79,7 +79,7 @@ fn parquet_bytes(frame: &mut DataFrame) -> PolarsResult<Vec<u8>> {
 /// # Errors
 /// It cannot be read, or has the digest of other bytes.
 pub fn checked(path: &Path) -> Result<Vec<u8>, TableError> {
-    let bytes = fs::read(path).map_err(|error| TableError::new(path, error))?;
+    let bytes = read_regular(path, ANY).map_err(|error| TableError::new(path, error))?;
     match digest::is_wrong(&bytes) {
         true => Err(TableError::new(path, CHANGED)),
         false => Ok(bytes),
@@ -99,8 +99,7 @@ pub fn read(folder: &Path) -> Result<Vec<RunRecord>, TableError> {
     let is_csv = !parquet.exists() && csv.exists();
     let path = if is_csv { csv } else { parquet };
     let frame = if is_csv {
-        let file = File::open(&path).map_err(|error| TableError::new(&path, error))?;
-        csv_frame(file)
+        csv_frame(read_regular(&path, LARGE).map_err(|error| TableError::new(&path, error))?)
     } else {
         let read = parquet_frame(checked(&path)?).map_err(|error| TableError::new(&path, error))?;
         Ok(read.0)
@@ -109,9 +108,9 @@ pub fn read(folder: &Path) -> Result<Vec<RunRecord>, TableError> {
 }
 
 /// Converts a table of text: declared columns to their type, the others to numbers.
-fn csv_frame(file: File) -> PolarsResult<DataFrame> {
+fn csv_frame(text: Vec<u8>) -> PolarsResult<DataFrame> {
     let options = CsvReadOptions::default().with_infer_schema_length(Some(0));
-    let text = options.into_reader_with_file_handle(file).finish()?;
+    let text = options.into_reader_with_file_handle(Cursor::new(text)).finish()?;
     let typed = text.columns().iter().map(|column| column.cast(&declared_type(column.name())));
     DataFrame::new(text.height(), typed.collect::<PolarsResult<_>>()?)
 }
@@ -226,8 +225,20 @@ fn read_metrics(frame: &DataFrame, to: &mut [RunRecord]) -> PolarsResult<()> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::{self, File};
+
     use super::*;
     use crate::record::tests::{of_format_1, whole};
+
+    #[test]
+    fn a_table_without_an_end_is_refused() {
+        for name in ["runs.parquet", "runs.csv"] {
+            let place = tempfile::tempdir().unwrap();
+            std::os::unix::fs::symlink("/dev/zero", place.path().join(name)).unwrap();
+            let told = read(place.path()).unwrap_err().to_string();
+            assert!(told.contains(name) && told.contains("no regular file"), "{told}");
+        }
+    }
 
     /// A table as another build may have written it.
     fn rewritten(

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use isoflop::data::read_motion;
+use isoflop::data::{read_motion, write_npy};
 use isoflop::motion::{Pose, recover_joints};
 use serde_json::Value;
 
@@ -114,6 +114,13 @@ fn what_cannot_be_edited_is_told(place: &Place) {
     refused(&["--edit", file, "--anew", "9.."], "which is 6.00 s long");
     refused(&["--edit", file, "--anew", "..1", "--frames", "20"], "ask for no fewer");
     refused(&["--edit", "mini.yaml", "--anew", "..1"], "no motion that can be read");
+    let lying: Vec<Pose> =
+        poses(place, file).iter().map(|pose| pose.map(|[x, y, z]| [x, -z, y])).collect();
+    write_npy(&place.path("lying.npy"), &[N, 22, 3], lying.as_flattened().as_flattened())
+        .expect("a writable folder");
+    let edit = ["--edit", "lying.npy", "--anew", "2..3", "--out", "lain"];
+    let ended = place.isoflop(&[&["generate", "walk", "--run", run], &edit[..]].concat());
+    ended.exits(0).says("lying.npy: the body lies ");
 }
 
 #[test]

@@ -11,8 +11,8 @@ const SMALL: &str = "{name: t, data: {clips: 8, val_clips: 2, test_clips: 2}, te
                      model: {motion_slots: 256}, train: {min_steps: 1, batch: 1}, tokenizer: {steps: 1, batch: 2, window: 32}}";
 
 /// Sections over [`SMALL`]: between them the tokenizers, quantizers, generators and evaluators.
-const LAYERS: [&str; 9] = [
-    "{tokenizer: {kind: fsq, plateau: {evaluations: 1}}}",
+const LAYERS: [&str; 11] = [
+    "{tokenizer: {kind: fsq, plateau: {evaluations: 1}}, train: {batch: {min: 1}}}",
     "{tokenizer: {kind: vq}, train: {schedule: {kind: cosine}}, flops: {rule: exact}}",
     "{tokenizer: {kind: patch}, train: {schedule: {share: true}}, data: {test_clips: 64},
       evaluator: {steps: 1, evaluations: 1}}",
@@ -26,13 +26,24 @@ const LAYERS: [&str; 9] = [
     "{tokenizer: {kind: transformer, language: {}}, data: {test_clips: 64},
       evaluator: {kind: matching, mismatches: shifted, steps: 1, evaluations: 1}}",
     "{generator: masked, tokenizer: {kind: transformer, quantizer: {kind: residual, inner: fsq}}}",
+    "{scores: {repeats: 1, multimodal_captions: 1, multimodal_motions: 2}, sampling: {}}",
+    "{scores: {}, generator: masked}",
 ];
 
+/// An evaluator that passes its gates, under the layers whose runs are scored.
+const SCORED: &str = "{data: {clips: 512, val_clips: 32, test_clips: 192}, text: {dim: 16, max_tokens: 12},
+    evaluator: {width: 32, layers: 1, heads: 2, dim: 16, steps: 150, warmup_steps: 20, lr: 5e-3, evaluations: 5}}";
+
 /// Whether something else than its range bounds a number in a layer: an evaluator contrasts clips with each other, and
-/// a long clip has many codes, unless the quantizer makes as many of each clip.
+/// a long clip has many codes, unless the quantizer makes as many of each clip. Where runs are scored, numbers of scores
+/// or of sampling alone are lowered, and where the rule of a batch is, no number takes its place.
 fn is_kept(layer: &str, name: &str) -> bool {
     let evaluated = layer.contains("evaluator");
     match name.split_once('.') {
+        Some(("scores", _)) => layer.contains("sampling") || !layer.contains("scores"),
+        Some(("sampling", _)) => !layer.contains("sampling"),
+        _ if layer.contains("scores") => true,
+        Some(("train", "batch")) => layer.contains("batch"),
         Some(("data", "clips" | "val_clips" | "test_clips")) => evaluated,
         Some(("model", "motion_slots")) => !layer.contains("multiscale"),
         Some(("evaluator", _)) => !evaluated,
@@ -40,21 +51,9 @@ fn is_kept(layer: &str, name: &str) -> bool {
     }
 }
 
-/// No run is trained by them here: numbers of engines, of other programs, of files, of sampling and of scores, and a
-/// budget too small for a step; and of the rule of a batch those that its default least overrules.
+/// No run is trained by them here: numbers of engines, of other programs and of files, and a budget too small for a step.
 fn is_untrained(name: &str) -> bool {
-    let of = [
-        "engine.",
-        "trainer.",
-        "data.fps",
-        "data.union.",
-        "grid.also.",
-        "grid.budgets",
-        "sampling.",
-        "scores.",
-        "train.batch.coefficient",
-        "train.batch.max",
-    ];
+    let of = ["engine.", "trainer.", "data.fps", "data.union.", "grid.also.", "grid.budgets"];
     of.iter().any(|start| name.starts_with(start))
 }
 
@@ -84,6 +83,9 @@ impl Number {
 /// The file with those numbers at their low bounds, one after another, with which it still plans a run; and they.
 fn lowest<'n>(layer: &str, numbers: &[&'n Number]) -> (Value, Vec<&'n Number>) {
     let mut file = yaml(SMALL);
+    if layer.contains("scores") {
+        laid(&mut file, yaml(SCORED));
+    }
     laid(&mut file, yaml(layer));
     // Facts of the data take longest; numbers of the data hardly change them.
     let parsed = |file: &Value| sweep::parse("t.yaml", &file.to_string(), &[]);

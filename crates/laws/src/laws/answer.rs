@@ -124,10 +124,14 @@ impl Found {
 
 /// The exponents of the recommended law.
 fn found(laws: &Laws) -> PerQuantity<Found> {
-    match (laws.joint_law(), &laws.judgement.tried) {
+    let mut found = match (laws.joint_law(), &laws.judgement.tried) {
         (Some(joint), Some(tried)) => slopes_of_joint(laws, joint, tried),
         _ => slopes_of_power_laws(laws),
+    };
+    if let Some(vocab) = found.params_vocab.as_mut().filter(|_| laws.judgement.vocab_is_chance) {
+        (vocab.value, vocab.why) = (None, vocab.why.or(Some(Undetermined::NoVocabulary)));
     }
+    found
 }
 
 fn slopes_of_power_laws(laws: &Laws) -> PerQuantity<Found> {

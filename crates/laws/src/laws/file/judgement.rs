@@ -34,6 +34,9 @@ pub struct Judgement {
     /// Likely errors in all rows of a table, in sentences.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rows: Vec<String>,
+    /// The losses depend on V no more than by chance, so that no exponent of N_v is told.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub vocab_is_chance: bool,
     /// The range of the runs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tried: Option<Tried>,

@@ -5,7 +5,8 @@
 //! and the laws go through the configurations that hold it. It needs no declared budgets, but it
 //! trusts single runs: the lowest of many noisy losses is a lucky one.
 
-use super::single_runs::{Candidates, FrontierPoint, LEAST_SIZES, losses_tell};
+use super::chance::{Place, losses_tell, vocab_is_chance};
+use super::single_runs::{Candidates, FrontierPoint, LEAST_SIZES};
 use super::{fill, unfitted};
 use crate::laws::file::{LawKind, Laws};
 use crate::laws::input::{
@@ -29,7 +30,7 @@ pub fn approach1(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, 
     }
     metric_of(points)?;
     points.iter().try_for_each(|p| p.check(options.parameters))?;
-    losses_tell(points)?;
+    losses_tell(&Place::of_runs(points))?;
     let candidates = Candidates::new(points, true);
     let front = candidates.lowest(&vec![true; candidates.n_curves]);
     let reference = geometric_mean(front.iter().map(|p| p.flops));
@@ -111,6 +112,7 @@ fn laws(
     fill(&mut laws, set, true);
     laws.bootstrap = replicates.iter().filter_map(LawSet::sample).collect();
     laws.warnings = sentences(points, front, options);
+    laws.judgement.vocab_is_chance = vocab_is_chance(&Place::of_runs(points));
     laws.judgement.rows.extend(warnings::of_two_budgets(&distinct_budgets(points)));
     laws.answered()
 }

@@ -1,6 +1,7 @@
 //! The whole fit: points in, [`Laws`] out.
 
 mod approach1;
+mod chance;
 mod judge;
 mod single_runs;
 #[cfg(test)]
@@ -10,8 +11,8 @@ pub use approach1::approach1;
 pub use judge::sensitivity_row;
 pub use single_runs::{FrontierPoint, frontier};
 
+use self::chance::{Place, losses_tell, sizes_tell, vocab_is_chance};
 use self::judge::{admissible, interval_parts, judge, sensitivity};
-use self::single_runs::losses_tell;
 use crate::laws::advice::advise;
 use crate::laws::file::{HeldOut, IntervalPart, LawKind, Laws};
 use crate::laws::input::{
@@ -62,6 +63,9 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
     }
     let held_out = hold_out(&budgets, options.hold_out)?;
     let grids: Vec<Grid> = budgets.iter().filter_map(Grid::new).collect();
+    if !options.keep_flagged {
+        sizes_tell(&Place::of_cells(&grids))?;
+    }
     let (asked, cells) =
         (options.bootstrap, grids.iter().flat_map(Grid::of_all_shares).flatten().count());
     // No more replicates than a table of so many cells can afford.
@@ -89,6 +93,7 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
     laws.validation = validate(&used, &grids, options);
     laws.advice = advise(&laws, &grids);
     laws.judgement = judge(&laws, &grids, &per_method, replicas.parts, scatter, options);
+    laws.judgement.vocab_is_chance = vocab_is_chance(&Place::of_cells(&grids));
     if laws.power_laws.tokens.is_none() && laws.judgement.joint.is_none() {
         let flagged = flagged(all);
         return Err(FitError::TooFewMinima { method, usable: used.len(), flagged });
@@ -250,7 +255,7 @@ pub fn fit_parametric(
     options: &ParametricOptions,
 ) -> Result<Parametric, FitError> {
     let (own, findings) = fitted(points, options)?;
-    losses_tell(points)?;
+    losses_tell(&Place::of_runs(points))?;
     let size = options.form.quantities()[0];
     let of_rows = own.influence.as_ref().map(|influence| influence.sentence(size));
     let warnings = findings.iter().map(Finding::sentence).chain(of_rows).collect();
@@ -271,6 +276,7 @@ pub fn parametric_laws(
     let form = parametric.coefficients.form;
     let kind = LawKind::Parametric(form);
     let mut laws = unfitted(kind, (name, flops_rule), form.parameters(), reference, points);
+    laws.judgement.vocab_is_chance = vocab_is_chance(&Place::of_runs(points));
     laws.parametric = Some(parametric);
     around(&laws, reference)
 }

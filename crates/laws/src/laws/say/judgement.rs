@@ -80,7 +80,9 @@ fn untested(laws: &Laws) -> Option<Doubt> {
 fn no_intervals(laws: &Laws) -> Option<Doubt> {
     let none = laws.law == LawKind::Isoflop && laws.noise.is_none();
     none.then(|| {
-        let what = "There are no intervals: the noise of single runs is not known".to_string();
+        // Those of the joint law come from its own misses.
+        let of = if laws.judgement.joint.is_some() { "Minima have" } else { "There are" };
+        let what = format!("{of} no intervals: the noise of single runs is not known");
         Doubt::new("no-intervals", what, "run every cell with a second seed, or add sizes")
     })
 }
@@ -200,6 +202,8 @@ pub(in crate::laws) enum Undetermined {
     /// Fewer than three budgets have a minimum.
     FewMinima,
     OneVocabulary,
+    /// The losses do not depend on V beyond chance.
+    NoVocabulary,
     /// The law has no optimum at one of the budgets.
     NoOptimum,
     /// The optimum lies far beyond the sizes tried.
@@ -222,6 +226,7 @@ impl Undetermined {
         match self {
             Self::FewMinima => "fewer than three budgets have a minimum".into(),
             Self::OneVocabulary => "one vocabulary was tried".into(),
+            Self::NoVocabulary => "the losses depend on V no more than by chance".into(),
             Self::NoOptimum => "the law has no optimum".into(),
             Self::BeyondSizes(beyond) => beyond.sentence("size"),
             Self::BeyondVocabularies(beyond) => beyond.sentence("vocabulary"),
@@ -235,6 +240,7 @@ impl Undetermined {
     pub fn remedy(self) -> &'static str {
         match self {
             Self::OneVocabulary => "add vocabularies",
+            Self::NoVocabulary => "add vocabularies further apart, or seeds",
             Self::BeyondVocabularies(_) => "add vocabularies on that side",
             Self::BeyondSizes(_) => "add sizes on that side",
             Self::FewMinima | Self::NoOptimum | Self::Wide(..) => {

@@ -1,7 +1,6 @@
 //! Computes states with a model's folder: BERT, T5, LLaMA, CLIP.
 
 use std::collections::HashMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -17,7 +16,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use tokenizers::{Tokenizer, TruncationParams};
 
-use crate::files::FileError;
+use crate::files::{ANY, FileError, read_regular};
 use crate::spec::TextStates;
 use crate::text::store::TextError;
 
@@ -41,7 +40,7 @@ impl ModelFolder {
     pub fn open(path: &Path) -> Result<Self, TextError> {
         let read = |name: &str| {
             let file = path.join(name);
-            fs::read(&file).map_err(|error| TextError::File(FileError::read(&file)(error)))
+            read_regular(&file, ANY).map_err(|error| TextError::File(FileError::read(&file)(error)))
         };
         Ok(Self {
             config: read(CONFIG)?,

@@ -190,6 +190,32 @@ fn files_of_one_name_are_two_clips_and_links_are_followed_once() {
 }
 
 #[test]
+fn files_of_several_folders_and_parts_of_an_earlier_import_are_clips_of_their_own() {
+    let (from, to) = (folder_of_bvh(), tempfile::tempdir().unwrap());
+    let text = fs::read_to_string(from.path().join("run_01.bvh")).unwrap();
+    for folder in ["a", "b"] {
+        fs::create_dir(from.path().join(folder)).unwrap();
+    }
+    for name in ["a/x", "b/x", "a_x", "long~1", "long~2"] {
+        fs::write(from.path().join(format!("{name}.bvh")), &text).unwrap();
+    }
+    // Two links that lead to each other's folders have no end.
+    for (to, link) in [("../b", "a/to_b"), ("../a", "b/to_a")] {
+        std::os::unix::fs::symlink(to, from.path().join(link)).unwrap();
+    }
+    let data = to.path().join("mine");
+    let by = ImportOptions { group: Some(GroupBy::Prefix), ..options(from.path(), Form::Bvh) };
+    import(&by, &data).unwrap();
+    let all = fs::read_to_string(data.join("all.txt")).unwrap();
+    let mut ids: Vec<&str> = all.lines().collect();
+    ids.sort_unstable();
+    let own = ["bow_01", "long~1", "long~2", "run_01", "turn_01", "walk_01", "walk_02"];
+    assert_eq!(ids, [&["a_x", "a_x-2", "b_x"][..], &own].concat());
+    let on_disk = fs::read_dir(data.join("new_joint_vecs")).unwrap().count();
+    assert_eq!(on_disk, ids.len());
+}
+
+#[test]
 fn a_rate_or_a_place_that_no_motion_has_is_refused_by_name() {
     let (from, to) = (folder_of_bvh(), tempfile::tempdir().unwrap());
     let text = fs::read_to_string(from.path().join("run_01.bvh")).unwrap();

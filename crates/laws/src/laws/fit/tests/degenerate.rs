@@ -126,6 +126,38 @@ fn runs_that_spend_unequal_shares_of_their_budget_are_told_of() {
     assert!(sentence.contains("spend 1.00 to 1.54 of it"), "{sentence}");
 }
 
+/// The same runs, whose losses depend on N_nv and D and, if asked for, on V.
+fn with_or_without_vocabulary(points: &[IsoFlopPoint], with: bool) -> Vec<IsoFlopPoint> {
+    let mut normals = Normals::of_stream(9, 1);
+    let mut loss = |p: &IsoFlopPoint| {
+        let params_vocab = if with { p.params_vocab } else { 1e6 };
+        SURFACE.loss(p.params_nonvocab, params_vocab, p.tokens) + 0.003 * normals.draw()
+    };
+    points.iter().map(|point| IsoFlopPoint { loss: loss(point), ..point.clone() }).collect()
+}
+
+#[test]
+fn losses_that_do_not_depend_on_the_vocabulary_tell_no_exponent_of_it_by_any_approach() {
+    let parametric =
+        ParametricOptions { bootstrap: 20, ..ParametricOptions::of(Form::Approach3Vocab) };
+    for with_vocab in [false, true] {
+        let points = with_or_without_vocabulary(&simulated().points(), with_vocab);
+        let own = fit_parametric(&points, &parametric).unwrap();
+        let all = [
+            fit(&points, &options()).unwrap(),
+            approach1(&points, &options()).unwrap(),
+            parametric_laws(&points, own, "t", "6nd"),
+        ];
+        for laws in all {
+            let told = laws.answer().exponents;
+            let vocab = told.params_vocab.unwrap();
+            assert_eq!(laws.judgement.vocab_is_chance, !with_vocab, "{vocab:?}");
+            assert!(with_vocab || (vocab.value.is_none() && vocab.reason.is_some()), "{vocab:?}");
+            assert!(told.params_nonvocab.unwrap().value.is_some());
+        }
+    }
+}
+
 const SWEEP: Simulated = Simulated {
     budgets: &[1e15, 1e16, 1e17],
     n_sizes: 5,
@@ -217,15 +249,22 @@ fn losses_that_are_all_equal_identify_nothing() {
 }
 
 #[test]
-fn losses_that_are_noise_alone_are_told_of_and_those_of_a_sweep_are_not() {
-    let mut points = simulated().points();
+fn losses_that_are_noise_within_each_budget_give_no_law_unless_flagged_minima_are_asked_for() {
+    let kept = FitOptions { keep_flagged: true, ..options() };
     let said = |points: &[IsoFlopPoint]| {
-        let rows = fit(points, &options()).unwrap().judgement.rows;
+        let rows = fit(points, &kept).unwrap().judgement.rows;
         rows.iter().any(|row| row.contains("they tell no optimum"))
     };
-    assert!(!said(&points));
-    let mut normals = Normals::of_stream(3, 0);
-    points.iter_mut().for_each(|point| point.loss = 3.0 + 0.001 * normals.draw());
+    let mut points = simulated().points();
+    assert!(fit(&points, &options()).is_ok() && !said(&points));
+    for per_budget in [-0.1, 0.0] {
+        let mut normals = Normals::of_stream(3, 0);
+        points.iter_mut().for_each(|point| {
+            point.loss = 3.0 + per_budget * point.budget_flops.ln() + 0.001 * normals.draw();
+        });
+        let error = fit(&points, &options()).unwrap_err();
+        assert!(error.is_unidentifiable() && error.to_string().contains("holds no law"), "{error}");
+    }
     assert!(said(&points));
 }
 
