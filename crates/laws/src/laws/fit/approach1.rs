@@ -6,14 +6,13 @@
 //! trusts single runs: the lowest of many noisy losses is a lucky one.
 
 use super::chance::{Place, losses_tell, vocab_is_chance};
-use super::single_runs::{Candidates, FrontierPoint, LEAST_SIZES};
 use super::{fill, unfitted};
 use crate::laws::file::{LawKind, Laws};
 use crate::laws::input::{
-    FitError, FitOptions, IsoFlopPoint, Parameters, is_same_budget, metric_of,
+    FitError, FitOptions, IsoFlopPoint, Parameters, compare, is_same_budget, metric_of,
 };
 use crate::laws::lines::{Columns, LawSet, PowerLaw, law_set};
-use crate::laws::maths::stats::{below, distinct, geometric_mean, interval95};
+use crate::laws::maths::stats::{below, distinct, extent, geometric_mean, interval95};
 use crate::laws::say::warnings;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -139,6 +138,122 @@ fn sentences(
         sentences.push(warnings::ONE_VOCABULARY.to_string());
     }
     sentences
+}
+
+// The frontier of approach 1: the running minimum of the loss over C, of runs and of the curves between them.
+
+/// Fewest sizes on a frontier: with one or two, the grid alone would set the law.
+const LEAST_SIZES: usize = 3;
+
+/// Values of C at which training curves are read.
+const GRID: usize = 256;
+
+/// The configuration that holds the lowest loss seen up to some C.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrontierPoint {
+    pub flops: f64,
+    pub params_nonvocab: f64,
+    pub params_vocab: f64,
+    pub n_vocab: f64,
+    pub tokens: f64,
+    pub loss: f64,
+}
+
+/// The running minimum of the loss over C, ascending in C.
+pub fn frontier(points: &[IsoFlopPoint], interpolate: bool) -> Vec<FrontierPoint> {
+    let candidates = Candidates::new(points, interpolate);
+    candidates.lowest(&vec![true; candidates.n_curves])
+}
+
+/// Every point that may be on a frontier, ascending in C, and by loss where C is the same but for rounding, with
+/// the curve it belongs to: sorted once, so that a frontier of some of the curves is one pass.
+struct Candidates {
+    points: Vec<(usize, FrontierPoint)>,
+    n_curves: usize,
+}
+
+impl Candidates {
+    /// Every run, and between the runs of a training curve its loss interpolated in ln C.
+    fn new(points: &[IsoFlopPoint], interpolate: bool) -> Self {
+        let curves = curves(points);
+        let range = extent(points.iter().map(|p| p.flops.ln()));
+        let mut all = Vec::new();
+        for (index, curve) in curves.iter().enumerate() {
+            all.extend(curve.iter().map(|p| (index, measured(p))));
+            if interpolate && curve.len() > 1 {
+                let step = (range[1] - range[0]) / GRID as f64;
+                let values = (1..GRID).map(|i| range[0] + step * i as f64);
+                all.extend(values.filter_map(|ln_flops| Some((index, at(curve, ln_flops)?))));
+            }
+        }
+        all.sort_by(|(_, a), (_, b)| a.flops.total_cmp(&b.flops));
+        let of_one_budget = all.chunk_by_mut(|(_, a), (_, b)| is_same_budget(a.flops, b.flops));
+        of_one_budget.for_each(|runs| runs.sort_by(|a, b| a.1.loss.total_cmp(&b.1.loss)));
+        Self { points: all, n_curves: curves.len() }
+    }
+
+    /// The end of the sizes, and the sizes beyond it, where a frontier has nothing but that end: at three values of C or
+    /// more, counting those at which three sizes or more were measured.
+    fn edge(&self, front: &[FrontierPoint]) -> Option<(usize, &'static str, &'static str)> {
+        let size = |p: &FrontierPoint| p.params_nonvocab;
+        let all = self.points.chunk_by(|(_, a), (_, b)| is_same_budget(a.flops, b.flops));
+        let ends = all.filter_map(|there| {
+            let own = there.iter().find_map(|(_, p)| front.contains(p).then_some(size(p)))?;
+            let sizes = distinct(there.iter().map(|(_, p)| size(p)));
+            (sizes.len() >= LEAST_SIZES).then(|| [own == sizes[0], Some(&own) == sizes.last()])
+        });
+        let ends: Vec<[bool; 2]> = ends.collect();
+        let words = [("smallest", "smaller"), ("largest", "larger")];
+        let enough = ends.len() >= LEAST_SIZES;
+        let at = (0..2).find(|end| enough && ends.iter().all(|there| there[*end]))?;
+        Some((ends.len(), words[at].0, words[at].1))
+    }
+
+    /// The points of the chosen curves with a lower loss than every point at less C.
+    fn lowest(&self, chosen: &[bool]) -> Vec<FrontierPoint> {
+        let mut least = f64::INFINITY;
+        let mut lowest = Vec::new();
+        for (curve, point) in &self.points {
+            if chosen[*curve] && point.loss < least {
+                least = point.loss;
+                lowest.push(*point);
+            }
+        }
+        lowest
+    }
+}
+
+/// Runs of one configuration and seed, each ascending in C.
+fn curves(points: &[IsoFlopPoint]) -> Vec<Vec<&IsoFlopPoint>> {
+    let key = |p: &IsoFlopPoint| [p.params_nonvocab, p.params_vocab, p.n_vocab, p.seed as f64];
+    let mut rows: Vec<&IsoFlopPoint> = points.iter().collect();
+    rows.sort_by(|a, b| compare(&key(a), &key(b)).then(a.flops.total_cmp(&b.flops)));
+    rows.chunk_by(|a, b| key(a) == key(b)).map(<[_]>::to_vec).collect()
+}
+
+fn measured(p: &IsoFlopPoint) -> FrontierPoint {
+    FrontierPoint {
+        flops: p.flops,
+        params_nonvocab: p.params_nonvocab,
+        params_vocab: p.params_vocab,
+        n_vocab: p.n_vocab,
+        tokens: p.tokens,
+        loss: p.loss,
+    }
+}
+
+/// A curve's point at e^`ln_flops`, linear in ln C between two runs; none outside them.
+fn at(curve: &[&IsoFlopPoint], ln_flops: f64) -> Option<FrontierPoint> {
+    let right = curve.partition_point(|p| p.flops.ln() < ln_flops);
+    let (a, b) = (curve.get(right.checked_sub(1)?)?, curve.get(right)?);
+    let share = (ln_flops - a.flops.ln()) / (b.flops.ln() - a.flops.ln());
+    let mix = |a: f64, b: f64| a + share * (b - a);
+    Some(FrontierPoint {
+        flops: ln_flops.exp(),
+        tokens: mix(a.tokens.ln(), b.tokens.ln()).exp(),
+        loss: mix(a.loss, b.loss),
+        ..measured(a)
+    })
 }
 
 #[cfg(test)]

@@ -3,13 +3,11 @@
 mod approach1;
 mod chance;
 mod judge;
-mod single_runs;
 #[cfg(test)]
 mod tests;
 
-pub use approach1::approach1;
+pub use approach1::{FrontierPoint, approach1, frontier};
 pub use judge::sensitivity_row;
-pub use single_runs::{FrontierPoint, frontier};
 
 use self::chance::{Place, losses_tell, sizes_tell, vocab_is_chance};
 use self::judge::{admissible, interval_parts, judge, sensitivity};
