@@ -177,7 +177,8 @@ pub fn text(name: &str, data: Option<&Path>, design: &Design) -> String {
          # Captions as hashed n-grams; t5, clip, bert or llama read local weights.\n\
          text: {{encoder: hashed-ngrams, dim: 64, max_tokens: 32}}\n\
          # One tokenizer per vocabulary; `isoflop tokenizer eval` compares them with k-means.\n\
-         tokenizer: {{kind: patch, steps: 800{of_tokenizers}}}\n\
+         # The weights and the factor keep motion continuous and the body's travel.\n\
+         tokenizer:\n  {{kind: patch, steps: 800{of_tokenizers}, acceleration_weight: 1.5, root_weight: 0.02, sideways_scale: 2}}\n\
          # autoregressive, scalewise or masked; a list makes it an axis of the grid.\n\
          generator: autoregressive\n\
          grid:\n  # One depth, and sizes at most a factor 1.6 apart: minima at a gap or a change of depth are flagged.\n  \

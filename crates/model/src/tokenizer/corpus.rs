@@ -7,7 +7,7 @@ use super::TokenizerError;
 use super::halves::Captions;
 use crate::data::{DataError, FeatureStats, MotionSource, Split};
 use crate::draws::{below, unit};
-use crate::motion::{POSITIONS, ROOT_HEIGHT, complete_features};
+use crate::motion::{POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, complete_features};
 use crate::spec::TokenizerSpec;
 use crate::text::TextStore;
 
@@ -126,8 +126,11 @@ impl ClipBatch {
 
 // Z-normalisation of features, frame after frame.
 
-/// Normalised values of root-relative features lie within ± this.
+/// Deviations of a root-relative feature that its value lies within.
 const BOUND: f32 = 10.0;
+
+/// The root's step to its side, x of [`ROOT_VELOCITY`].
+const SIDEWAYS: usize = ROOT_VELOCITY.start;
 
 /// Columns with the height of each joint but the root's.
 fn joint_heights() -> impl Iterator<Item = usize> {
@@ -139,8 +142,10 @@ fn joint_heights() -> impl Iterator<Item = usize> {
 pub struct Normaliser {
     /// Mean of the normalised features, `[f]`.
     pub mean: Vec<f32>,
-    /// Deviation of each feature, `[f]`.
+    /// Deviation of each feature, `[f]`; the sideways step's is divided by `sideways_scale`.
     pub std: Vec<f32>,
+    /// Largest size of each normalised value, `[f]`.
+    bounds: Vec<f32>,
     /// Whether joints stand at their height above the root, and values are bounded.
     pub relative: bool,
     /// Features of a frame before it is narrowed to f.
@@ -153,11 +158,18 @@ impl Normaliser {
         let relative = spec.architecture.has_relative_heights();
         let all = stats.mean.len();
         let n_features = spec.representation.n_features(all);
-        let [mut mean, std] = [&stats.mean, &stats.std].map(|values| values[..n_features].to_vec());
+        let [mut mean, mut std] =
+            [&stats.mean, &stats.std].map(|values| values[..n_features].to_vec());
         if relative {
             joint_heights().for_each(|column| mean[column] -= stats.mean[ROOT_HEIGHT]);
         }
-        Self { mean, std, relative, all }
+        let mut bounds = vec![if relative { BOUND } else { f32::INFINITY }; n_features];
+        if n_features > SIDEWAYS {
+            let scale = spec.training.sideways_scale as f32;
+            std[SIDEWAYS] /= scale;
+            bounds[SIDEWAYS] *= scale;
+        }
+        Self { mean, std, bounds, relative, all }
     }
 
     /// Features of a frame.
@@ -176,11 +188,9 @@ impl Normaliser {
                 let root = frame[ROOT_HEIGHT];
                 joint_heights().for_each(|column| frame[column] -= root);
             }
-            for ((x, &mean), &std) in frame.iter_mut().zip(&self.mean).zip(&self.std) {
-                *x = (*x - mean) / std;
-            }
-            if self.relative {
-                frame.iter_mut().for_each(|x| *x = x.clamp(-BOUND, BOUND));
+            let scales = self.mean.iter().zip(&self.std).zip(&self.bounds);
+            for (x, ((&mean, &std), &bound)) in frame.iter_mut().zip(scales) {
+                *x = ((*x - mean) / std).clamp(-bound, bound);
             }
         }
         values
@@ -210,7 +220,7 @@ impl Normaliser {
 mod tests {
     use super::*;
     use crate::motion::N_FEATURES;
-    use crate::spec::{ArchitectureSpec, PatchSpec, Representation};
+    use crate::spec::{ArchitectureSpec, PatchSpec, Representation, TokenizerTraining};
     use crate::tokenizer::testing::Waves;
 
     #[test]
@@ -250,6 +260,31 @@ mod tests {
         assert!((values[5] - expected).abs() < 1e-6);
         let back = patch.undo(values, 1, 20.0);
         assert!(back.iter().zip(&frame).all(|(a, b)| (a - b).abs() < 1e-5));
+    }
+
+    #[test]
+    fn a_sideways_step_counts_by_its_factor_and_comes_back() {
+        let scaled = |sideways_scale| {
+            let architecture = ArchitectureSpec::Patch(PatchSpec::default());
+            let training = TokenizerTraining { sideways_scale, ..TokenizerTraining::of_patches() };
+            let spec = TokenizerSpec { architecture, training, ..TokenizerSpec::default() };
+            let (mean, std) = (vec![0.25; N_FEATURES], vec![0.5; N_FEATURES]);
+            Normaliser::new(&spec, &FeatureStats { mean, std })
+        };
+        let frame: Vec<f32> = (0..N_FEATURES).map(|i| (i as f32).cos()).collect();
+        let (plain, wide) = (scaled(1.0), scaled(4.0));
+        let (once, values) = (plain.apply(frame.clone()), wide.apply(frame.clone()));
+        assert!((values[SIDEWAYS] - 4.0 * once[SIDEWAYS]).abs() < 1e-5);
+        assert_eq!(values[SIDEWAYS + 1..], once[SIDEWAYS + 1..]);
+        let back = wide.undo(values, 1, 20.0);
+        assert!(back.iter().zip(&frame).all(|(a, b)| (a - b).abs() < 1e-5));
+        // What lies far out is cut at the same place.
+        let mut far = frame;
+        far[SIDEWAYS] = 1e3;
+        let cut = |normaliser: &Normaliser| {
+            normaliser.undo(normaliser.apply(far.clone()), 1, 20.0)[SIDEWAYS]
+        };
+        assert!((cut(&plain) - cut(&wide)).abs() < 1e-4);
     }
 
     #[test]

@@ -201,6 +201,9 @@ keys! {
     acceleration_weight: f64 = 0.0, 0.0, 0 to 1e6, unless "crate::units::is_default";
     /// Weight of the root's place on the ground in the loss of joints, summed over a window: 0.
     root_weight: f64 = 0.0, 0.0, 0 to 1e6, unless "crate::units::is_default";
+    /// Factor on the root's sideways step among the normalised features: 1. HumanML3D divides it by the deviation
+    /// that forward steps have, so that sidesteps are small; 2 makes codes and losses see them.
+    sideways_scale: f64 = 1.0, 1.0, 0.01 to 100, unless "is_one";
     /// VQ and scales: weight of the squared distance from latents to their codes: 0.02, for patches 1.
     commitment: f64 = 0.02, 1.0, 0 to 1e6;
     /// VQ: a code used less often than this fraction of the mean is reset: 0.025 for patches.
@@ -226,6 +229,11 @@ keys! {
     pool_clips: usize = 2048, 2048, 1 to 10_000_000;
     /// Seed of the weights, the pool and the windows: 0.
     seed: u64 = 0, 0, 0 to 18_446_744_073_709_551_615u64;
+}
+
+/// Whether a factor is left out of ids and files.
+fn is_one(factor: &f64) -> bool {
+    *factor == 1.0
 }
 
 impl TokenizerTraining {
@@ -294,6 +302,17 @@ pub(super) fn with(change: impl FnOnce(&mut TokenizerSection)) -> TokenizerSecti
 mod tests {
     use super::*;
     use crate::spec::{QuantizerSpec, TextSpec};
+
+    #[test]
+    fn a_factor_of_one_is_not_in_ids() {
+        let written = |sideways_scale| {
+            let training = TokenizerTraining { sideways_scale, ..TokenizerTraining::default() };
+            serde_json::to_string(&training).unwrap()
+        };
+        assert!(!written(1.0).contains("sideways") && written(3.0).contains("sideways_scale"));
+        let read: TokenizerTraining = serde_json::from_str(&written(1.0)).unwrap();
+        assert_eq!(read.sideways_scale, 1.0);
+    }
 
     #[test]
     fn the_rate_rises_stays_and_falls_once() {
