@@ -154,11 +154,11 @@ fn times(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
 
-/// The least probability, over four tests, that chance lets the columns of `own` explain as much, beyond those of `base`,
+/// The least probability, over up to four tests, that chance lets the columns of `own` explain as much, beyond those of `base`,
 /// of how the losses of a group differ; `None` if nothing can be fitted, or losses are few.
 ///
-/// A test is Snedecor's F of the linear columns of `own` or of all, through the losses or, against wild rows, through their
-/// ranks, each less its mean over the group; one that explains them is enough.
+/// A test is Snedecor's F of the linear columns of `own` or of all, through the losses or, against wild rows and without a `base`,
+/// through their ranks, each less its mean over the group; one that explains them is enough.
 fn chance(
     groups: &[Group],
     base: impl Fn(&Columns) -> Vec<Vec<f64>>,
@@ -180,9 +180,12 @@ fn chance(
     let linear = own.len() / 2;
     let plane = independent(base.clone(), own[..linear].iter().cloned());
     let surface = independent(plane.clone(), own[linear..].iter().cloned());
-    let losses = within(all().map(|place| place.loss).collect());
-    let ranks = within(groups.iter().flat_map(ranks).collect());
-    let tests = [&plane, &surface].into_iter().flat_map(|x| [(x, &losses), (x, &ranks)]);
+    let mut measured = vec![within(all().map(|place| place.loss).collect())];
+    if base.is_empty() {
+        // Ranks of losses that follow `base` do not follow it.
+        measured.push(within(groups.iter().flat_map(ranks).collect()));
+    }
+    let tests = measured.iter().flat_map(|y| [(&plane, y), (&surface, y)]);
     let by_chance =
         |(columns, y): (&Vec<_>, &Vec<f64>)| by_chance(columns, base.len(), y, groups.len());
     tests.filter_map(by_chance).reduce(f64::min)
