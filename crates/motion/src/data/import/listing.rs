@@ -48,8 +48,7 @@ pub fn list(options: &ImportOptions) -> Result<Listing, ImportError> {
     let own = layout(root, *form);
     let humanml3d = own.is_some();
     let base = own.unwrap_or_else(|| root.clone());
-    let mut paths = Vec::new();
-    walk(&base, form.ending(), &mut HashSet::new(), &mut paths)?;
+    let mut paths = below(&base, form.ending())?;
     if paths.is_empty() {
         return Err(ImportError::NoFiles { path: base, ending: form.ending() });
     }
@@ -73,37 +72,32 @@ fn layout(root: &Path, form: Form) -> Option<PathBuf> {
     places.iter().map(|place| root.join(place)).find(|place| place.is_dir())
 }
 
-/// Files and folders that links lead to are `seen` once, under the first name.
-fn walk(
-    folder: &Path,
-    ending: &str,
-    seen: &mut HashSet<PathBuf>,
-    found: &mut Vec<PathBuf>,
-) -> Result<(), FileError> {
-    let mut is_new = |path: &Path| {
-        let real = path.canonicalize().map_err(FileError::read(path))?;
-        Ok::<_, FileError>(seen.insert(real))
-    };
-    if !is_new(folder)? {
-        return Ok(());
-    }
-    let listed = std::fs::read_dir(folder).and_then(|listed| {
-        listed.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<PathBuf>, _>>()
-    });
-    let mut entries = listed.map_err(FileError::read(folder))?;
-    // A file comes before links to it, whatever their names.
-    entries.sort_by_key(|path| (path.is_symlink(), path.clone()));
-    let mut folders = Vec::new();
-    for path in entries {
-        let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
-        let is_motion = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
-        if path.is_dir() && !hidden {
-            folders.push(path);
-        } else if is_motion && !hidden && is_new(&path)? {
-            found.push(path);
+/// The files below a folder with an ending, in no order. What links lead to counts once, under its own name if that lies
+/// below the folder too.
+fn below(folder: &Path, ending: &str) -> Result<Vec<PathBuf>, FileError> {
+    let (mut seen, mut found) = (HashSet::new(), Vec::new());
+    let (mut own, mut links) = (vec![folder.to_path_buf()], Vec::new());
+    while let Some(path) = own.pop().or_else(|| links.pop()) {
+        if !seen.insert(path.canonicalize().map_err(FileError::read(&path))?) {
+            continue;
         }
+        if !path.is_dir() {
+            found.push(path);
+            continue;
+        }
+        for entry in std::fs::read_dir(&path).map_err(FileError::read(&path))? {
+            let entry = entry.map_err(FileError::read(&path))?.path();
+            let hidden =
+                entry.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+            let is_motion = entry.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
+            if !hidden && (is_motion || entry.is_dir()) {
+                if entry.is_symlink() { links.push(entry) } else { own.push(entry) }
+            }
+        }
+        // The first name of what several links lead to.
+        links.sort_by(|a, b| b.cmp(a));
     }
-    folders.iter().try_for_each(|folder| walk(folder, ending, seen, found))
+    Ok(found)
 }
 
 fn named(base: &Path, paths: Vec<PathBuf>) -> Vec<SourceFile> {
