@@ -1,6 +1,5 @@
 //! What is kept of models: codes, vectors, weights and what they are weights of.
 
-use std::collections::HashMap;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -173,8 +172,7 @@ fn vectors_seeds(place: &Path) -> Vec<Vec<u8>> {
         all.push(NewColumn::new(format!("{}.captions", split.name()), none));
         all.push(NewColumn::new(format!("{}.offsets", split.name()), one));
     }
-    let notes = HashMap::from([("dim".to_string(), "2".to_string())]);
-    columns::write(&path, &all, notes).expect("a writable folder");
+    columns::write(&path, &all, Some(("dim", "2".to_string()))).expect("a writable folder");
     vec![several, fs::read(&path).expect("just written")]
 }
 

@@ -57,7 +57,7 @@ impl SplitTokens {
 pub fn write_store(path: &Path, codes: &Grid, splits: &[SplitTokens]) -> Result<(), FileError> {
     let all: Vec<NewColumn> = Split::ALL.iter().zip(splits).flat_map(columns_of).collect();
     let grid = serde_json::to_string(codes).expect("plain values");
-    columns::write(path, &all, HashMap::from([(GRID.to_string(), grid)]))
+    columns::write(path, &all, Some((GRID, grid)))
 }
 
 fn columns_of<'a>((&split, tokens): (&Split, &'a SplitTokens)) -> Vec<NewColumn<'a>> {

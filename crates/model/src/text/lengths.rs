@@ -2,8 +2,7 @@
 //!
 //! A classifier of one hidden layer over the mean of a caption's vectors. Its classes are the lengths from the shortest
 //! training clip to the longest, in steps of four frames, or of more beyond 64 classes. It is trained with the captions
-//! of the training split and kept in their file: columns `lengths.hidden` and `lengths.output`, and the notes
-//! `lengths.unit` and `lengths.first`.
+//! of the training split and kept in their file: columns `lengths.classes`, `lengths.hidden` and `lengths.output`.
 
 use std::path::Path;
 
@@ -32,16 +31,13 @@ const DECAY: f32 = 1.0;
 
 const HIDDEN: &str = "lengths.hidden";
 const OUTPUT: &str = "lengths.output";
-const UNIT: &str = "lengths.unit";
-const FIRST: &str = "lengths.first";
+const CLASSES: &str = "lengths.classes";
 
 /// A trained estimator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LengthEstimator {
-    /// Frames of a step, a multiple of 4.
-    unit: usize,
-    /// Steps of the first class: class i stands for (first + i) · unit frames.
-    first: usize,
+    /// Frames of a step, a multiple of 4, and steps of the first class: class i stands for (first + i) · unit frames.
+    classes: [u32; 2],
     /// `[N_HIDDEN, dim + 1]` row-major; the last number of a row is its bias.
     hidden: Vec<f32>,
     /// `[n_classes, N_HIDDEN + 1]`, likewise.
@@ -90,17 +86,13 @@ impl LengthEstimator {
             output.step(rate, step);
         }
         let hidden = of_raw_inputs(hidden.weights, &centre, &scale);
-        Self { unit, first, hidden, output: output.weights }
+        Self { classes: [unit as u32, first as u32], hidden, output: output.weights }
     }
 
     /// The columns of its file.
-    pub fn columns(&self) -> [NewColumn<'_>; 2] {
-        [NewColumn::new(HIDDEN, &self.hidden), NewColumn::new(OUTPUT, &self.output)]
-    }
-
-    /// The notes of its file.
-    pub fn notes(&self) -> [(String, String); 2] {
-        [(UNIT, self.unit), (FIRST, self.first)].map(|(name, n)| (name.to_string(), n.to_string()))
+    pub fn columns(&self) -> [NewColumn<'_>; 3] {
+        let classes = NewColumn::new(CLASSES, &self.classes);
+        [classes, NewColumn::new(HIDDEN, &self.hidden), NewColumn::new(OUTPUT, &self.output)]
     }
 
     /// Reads it from the file of a data set's captions; `None` if an older version wrote the file.
@@ -113,10 +105,12 @@ impl LengthEstimator {
             return Ok(None);
         }
         let column = |name| Ok::<_, FileError>(file.column::<f32>(name)?.values().to_vec());
-        let [unit, first, dim] = [UNIT, FIRST, "dim"].map(|name| file.number(name));
-        let (unit, first, dim) = (unit?, first?, dim?);
-        let own = Self { unit, first, hidden: column(HIDDEN)?, output: column(OUTPUT)? };
-        let is_sound = [unit, first, dim].iter().all(|n| (1..1 << 20).contains(n))
+        let classes = file.column::<u32>(CLASSES)?.values().try_into();
+        let classes = classes.map_err(|_| file.damaged("its length estimator has no classes"))?;
+        let own = Self { classes, hidden: column(HIDDEN)?, output: column(OUTPUT)? };
+        let dim = file.number("dim")?;
+        let is_sound = classes.iter().all(|n| (1..1 << 20).contains(n))
+            && (1..1 << 20).contains(&dim)
             && own.hidden.len() == N_HIDDEN * (dim + 1)
             && !own.output.is_empty()
             && own.output.len().is_multiple_of(N_HIDDEN + 1);
@@ -137,7 +131,8 @@ impl LengthEstimator {
             left -= probability;
             left < 0.0
         });
-        (self.first + drawn.unwrap_or(probabilities.len() - 1)) * self.unit
+        let [unit, first] = self.classes.map(|n| n as usize);
+        (first + drawn.unwrap_or(probabilities.len() - 1)) * unit
     }
 }
 
@@ -260,7 +255,6 @@ impl Trained {
 mod tests {
     use super::*;
     use crate::files::columns;
-    use std::collections::HashMap;
 
     /// Captions of two kinds, whose clips have 40 to 60 frames and 160 to 180.
     fn trained() -> LengthEstimator {
@@ -276,7 +270,7 @@ mod tests {
     #[test]
     fn a_caption_of_short_motions_gives_a_short_length_and_one_of_long_motions_a_long_one() {
         let estimator = trained();
-        assert_eq!(estimator.unit, 4);
+        assert_eq!(estimator.classes[0], 4);
         assert_eq!(estimator.probabilities(&[0.0; 3]).len(), 36, "from 40 frames to 180");
         let mut rng = stream(1, 0);
         // Two words, whose mean is the vector of the caption.
@@ -300,7 +294,7 @@ mod tests {
         let clips: [ClipCaptions; 2] = [(40, &[0]), (1000, &[1])];
         let estimator =
             LengthEstimator::train(1, &clips, |caption| &vectors[caption as usize..][..1]);
-        assert_eq!(estimator.unit, 16);
+        assert_eq!(estimator.classes[0], 16);
         assert_eq!(estimator.probabilities(&[1.0]).len(), 61);
         assert!(estimator.draw(&[2.0], &mut stream(0, 1)) >= 900);
     }
@@ -310,9 +304,7 @@ mod tests {
         let (estimator, folder) = (trained(), tempfile::tempdir().unwrap());
         let path = folder.path().join("captions.safetensors");
         let write = |columns: &[NewColumn], dim: &str| {
-            let mut notes = HashMap::from(estimator.notes());
-            notes.insert("dim".to_string(), dim.to_string());
-            columns::write(&path, columns, notes).unwrap();
+            columns::write(&path, columns, Some(("dim", dim.to_string()))).unwrap();
             LengthEstimator::open(&path)
         };
         assert_eq!(write(&estimator.columns(), "3").unwrap(), Some(estimator.clone()));

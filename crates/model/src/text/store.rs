@@ -134,13 +134,11 @@ pub fn embed(
         all.push(NewColumn::new(format!("{}.captions", split.name()), captions));
         all.push(NewColumn::new(format!("{}.offsets", split.name()), offsets));
     }
-    let mut notes = HashMap::from([("dim".to_string(), encoder.dim().to_string())]);
     let lengths = length_estimator(source, &splits[Split::Train as usize], &embeddings, &words);
     if let Some(lengths) = &lengths {
         all.extend(lengths.columns());
-        notes.extend(lengths.notes());
     }
-    Ok(columns::write(path, &all, notes)?)
+    Ok(columns::write(path, &all, Some(("dim", encoder.dim().to_string())))?)
 }
 
 /// A length estimator trained on the captions of the training split; `None` without clips.
@@ -363,7 +361,7 @@ mod tests {
         assert_eq!(found.iter().filter(|word| *word == "cartwheel").count(), 1, "{found:?}");
         assert_eq!(found[0], "cartwheel");
         assert!(found.contains(&"lasso's".to_string()));
-        columns::write(&path, &[NewColumn::new("words", &[0u64])], HashMap::new()).unwrap();
+        columns::write(&path, &[NewColumn::new("words", &[0u64])], None).unwrap();
         assert_eq!(unseen(&others), None);
     }
 

@@ -1,7 +1,6 @@
 //! Tokenises a whole data set into a [`TokenStore`](crate::codes::TokenStore)'s file; intermediate results are kept in
 //! [`Parts`], so that a killed process loses little.
 
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -135,7 +134,7 @@ pub fn share_kept(folder: &Path) -> f64 {
 fn keep(path: &Path, batches: &[Vec<u32>]) -> Result<(), FileError> {
     let codes = batches.concat();
     let lengths: Vec<u64> = batches.iter().map(|codes| codes.len() as u64).collect();
-    write(path, &[NewColumn::new(CODES, &codes), NewColumn::new(LENGTHS, &lengths)], HashMap::new())
+    write(path, &[NewColumn::new(CODES, &codes), NewColumn::new(LENGTHS, &lengths)], None)
 }
 
 /// The codes of a part's batches; `None` if they are not kept, or not whole.

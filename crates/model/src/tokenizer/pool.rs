@@ -1,6 +1,5 @@
 //! [`WindowPool`]: training clips in memory, and random windows of them.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use rand_chacha::ChaCha8Rng;
@@ -86,7 +85,7 @@ impl WindowPool {
             NewColumn::new("mean", &normaliser.mean),
             NewColumn::new("std", &normaliser.std),
         ];
-        write(path, &columns, HashMap::new())
+        write(path, &columns, None)
     }
 
     /// `n` windows of `n_frames` frames, at most `spec.training.window`: a random clip, then a random start.

@@ -62,11 +62,12 @@ fn digest<'a>(columns: impl Iterator<Item = (&'a str, &'a [u8])>) -> [u8; 32] {
     hasher.finalize().into()
 }
 
-/// Writes columns, their digest and text entries as one file, whole, by rename.
+/// Writes columns, their digest and a text entry as one file, whole, by rename. Several entries would lie in the file in a
+/// random order, so that equal content would not be equal bytes.
 pub fn write(
     path: &Path,
     columns: &[NewColumn],
-    notes: HashMap<String, String>,
+    note: Option<(&str, String)>,
 ) -> Result<(), FileError> {
     let digest = digest(columns.iter().map(|column| (column.name.as_str(), column.bytes)));
     let digest = NewColumn { name: DIGEST.into(), dtype: Dtype::U32, len: 8, bytes: &digest };
@@ -74,8 +75,9 @@ pub fn write(
         let view = TensorView::new(column.dtype, vec![column.len], column.bytes);
         (column.name.clone(), view.expect("shape and length agree"))
     });
-    let bytes = serialize(views, Some(notes))
-        .map_err(|error| FileError::write(path)(io::Error::other(error)))?;
+    let note = note.map(|(name, text)| HashMap::from([(name.to_string(), text)]));
+    let bytes =
+        serialize(views, note).map_err(|error| FileError::write(path)(io::Error::other(error)))?;
     write_whole(path, |file| file.write_all(&bytes))
 }
 
@@ -263,7 +265,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("codes.safetensors");
         let columns = [NewColumn::new("b", &[1u32, 2, 3]), NewColumn::new("a", &[0.5f32])];
-        write(&path, &columns, HashMap::new()).unwrap();
+        write(&path, &columns, None).unwrap();
         let file = ColumnFile::open(&path).unwrap().verified().unwrap();
         assert_eq!(file.column::<u32>("b").unwrap().values(), [1, 2, 3]);
         let mut bytes = fs::read(&path).unwrap();
@@ -278,7 +280,7 @@ mod tests {
     /// A file of one column of 4096 ones.
     fn ones(folder: &tempfile::TempDir) -> PathBuf {
         let path = folder.path().join("codes.safetensors");
-        write(&path, &[NewColumn::new("a", &[1u32; 4096])], HashMap::new()).unwrap();
+        write(&path, &[NewColumn::new("a", &[1u32; 4096])], None).unwrap();
         path
     }
 
