@@ -30,8 +30,8 @@ const LAYERS: [&str; 11] = [
     "{scores: {}, generator: masked}",
 ];
 
-/// An evaluator that passes its gates, under the layers whose runs are scored.
-const SCORED: &str = "{data: {clips: 512, val_clips: 32, test_clips: 192}, text: {dim: 16, max_tokens: 12},
+/// An evaluator that passes its gates, and a rate at which no run diverges, under the layers whose runs are scored.
+const SCORED: &str = "{train: {lr: 1e-3}, data: {clips: 512, val_clips: 32, test_clips: 192}, text: {dim: 16, max_tokens: 12},
     evaluator: {width: 32, layers: 1, heads: 2, dim: 16, steps: 150, warmup_steps: 20, lr: 5e-3, evaluations: 5}}";
 
 /// Whether something else than its range bounds a number in a layer: an evaluator contrasts clips with each other, and
