@@ -80,7 +80,7 @@ fn codes_are_those_of_the_data_set_and_their_error_is_that_of_the_metrics() {
         let expected = place.json(&format!("{own}/metrics.json"))["mpjpe_mm"].as_f64();
         let [found, expected] = [made["mpjpe_mm"].as_f64(), expected].map(|mm| mm.expect("mm"));
         assert!((found / expected - 1.0).abs() < 1e-4, "{sweep}: {found} for {expected}");
-        assert_eq!(place.names("made").len(), 4 * files.len());
+        assert_eq!(place.names("made").len(), 5 * files.len());
     }
 }
 
