@@ -276,7 +276,7 @@ fn of_vocabulary(laws: &Laws, own: &PerQuantity<Exponent>) -> Option<Estimate> {
             [&own.params_vocab, &own.params_nonvocab].map(|own| own.as_ref()?.value);
         return Some(Estimate { value: vocab? / size?, ci95: None });
     }
-    let law = laws.vocab_from_nonvocab.as_ref().filter(|_| !laws.judgement.vocab_is_chance)?;
+    let law = laws.told_vocab_from_nonvocab()?;
     Some(Estimate { value: law.exponent, ci95: law.exponent_ci95 })
 }
 

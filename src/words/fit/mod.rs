@@ -183,7 +183,7 @@ pub fn with_interval(law: &PowerLaw) -> String {
 fn gamma(laws: &Laws) -> Option<String> {
     let (vocab, nonvocab) =
         (laws.power_laws.params_vocab.as_ref()?, laws.power_laws.params_nonvocab.as_ref()?);
-    let direct = laws.vocab_from_nonvocab.as_ref().filter(|_| !laws.judgement.vocab_is_chance)?;
+    let direct = laws.told_vocab_from_nonvocab()?;
     let ratio = vocab.exponent / nonvocab.exponent;
     let judgement = if (ratio - direct.exponent).abs() > DISAGREEMENT {
         "the two disagree, so quote neither alone"

@@ -42,7 +42,8 @@ pub enum CaptionProblem {
 
 /// The annotation in `line`.
 ///
-/// `nan` counts as 0, and from 0 to 0 is the whole clip. A line without `#` is a caption of the whole clip, as Motion-X writes them.
+/// `nan` counts as 0, and from 0 to 0 is the whole clip. A line without `#` is a caption of the whole clip, as Motion-X
+/// writes them.
 ///
 /// # Errors
 /// [`CaptionProblem`] if the line is neither.

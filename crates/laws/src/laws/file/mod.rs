@@ -96,6 +96,11 @@ pub struct Laws {
 }
 
 impl Laws {
+    /// The law of N_v in N_nv, unless the losses depend on V no more than by chance.
+    pub fn told_vocab_from_nonvocab(&self) -> Option<&PowerLaw> {
+        self.vocab_from_nonvocab.as_ref().filter(|_| !self.judgement.vocab_is_chance)
+    }
+
     /// Laws that hold nothing yet, around C0 = `reference_flops`.
     pub fn unfitted(
         law: LawKind,

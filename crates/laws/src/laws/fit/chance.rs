@@ -69,13 +69,7 @@ pub(super) fn losses_tell(places: &[Place]) -> Result<(), FitError> {
         return no_law(format!("all {} losses are {}", all.len(), all[0].loss));
     }
     budgets_differ(&of_several_sizes(places))?;
-    match chance(&[all], |_| Vec::new(), surface) {
-        Some(p) if p > CHANCE => no_law(format!(
-            "N and D explain the {} losses no better than chance would (p = {p:.2})",
-            places.len()
-        )),
-        _ => Ok(()),
-    }
+    explained(&[all], &format!("N and D explain the {} losses", places.len()))
 }
 
 /// Refuses losses that are equal at each budget, or explained by N and V within the budgets no better than by chance:
@@ -86,10 +80,13 @@ pub(super) fn losses_tell(places: &[Place]) -> Result<(), FitError> {
 pub(super) fn sizes_tell(places: &[Place]) -> Result<(), FitError> {
     let budgets = of_several_sizes(places);
     budgets_differ(&budgets)?;
-    match chance(&budgets, |_| Vec::new(), surface) {
-        Some(p) if p > CHANCE => no_law(format!(
-            "sizes explain how the losses of a budget differ no better than chance would (p = {p:.2})"
-        )),
+    explained(&budgets, "sizes explain how the losses of a budget differ")
+}
+
+/// Refuses losses that a surface explains no better than by chance; `what` says what it is to explain.
+fn explained(groups: &[Group], what: &str) -> Result<(), FitError> {
+    match chance(groups, |_| Vec::new(), surface) {
+        Some(p) if p > CHANCE => no_law(format!("{what} no better than chance would (p = {p:.2})")),
         _ => Ok(()),
     }
 }
@@ -154,11 +151,11 @@ fn times(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
 
-/// The least probability, over up to four tests, that chance lets the columns of `own` explain as much, beyond those of `base`,
-/// of how the losses of a group differ; `None` if nothing can be fitted, or losses are few.
+/// The least probability, over up to four tests, that chance lets the columns of `own` explain as much of how the losses
+/// of a group differ, beyond the columns of `base`; `None` if nothing can be fitted, or losses are few.
 ///
-/// A test is Snedecor's F of the linear columns of `own` or of all, through the losses or, against wild rows and without a `base`,
-/// through their ranks, each less its mean over the group; one that explains them is enough.
+/// A test is Snedecor's F of the linear columns of `own` or of all of them. It goes through the losses or, without a
+/// `base`, through their ranks, which wild rows hardly move; each is taken less its mean over the group.
 fn chance(
     groups: &[Group],
     base: impl Fn(&Columns) -> Vec<Vec<f64>>,

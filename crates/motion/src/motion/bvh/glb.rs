@@ -7,7 +7,7 @@
 use serde_json::{Value, json};
 
 use super::hierarchy::{Bvh, BvhJoint, CM_PER_M, Channel, local};
-use crate::motion::geometry::{Point, norm, scale};
+use crate::motion::geometry::{Point, align, norm};
 use crate::motion::{NO_ROTATION, Quat};
 
 /// Half the width of a bone at its thickest place, metres, and as a share of its length at most.
@@ -145,17 +145,9 @@ fn bone(along: Point, mesh: usize) -> Option<Value> {
     let length = norm(along) / CM_PER_M;
     (length > 1e-4).then(|| {
         let half = HALF_WIDTH.0.min(HALF_WIDTH.1 * length);
-        let [w, x, y, z] = from_up(scale(along, 1.0 / (length * CM_PER_M)));
+        let [w, x, y, z] = align(&[[0.0, 1.0, 0.0]], &[along], NO_ROTATION);
         json!({"mesh": mesh, "rotation": [x, y, z, w], "scale": [half, length, half]})
     })
-}
-
-/// The smallest rotation of the y axis to a unit vector.
-fn from_up([x, y, z]: Point) -> Quat {
-    // 1 + cos, and the cross product of y with the vector; half a turn has no axis of its own.
-    let turn = [1.0 + y, z, 0.0, -x];
-    let length = turn.iter().map(|c| c * c).sum::<f64>().sqrt();
-    if length < 1e-9 { [0.0, 1.0, 0.0, 0.0] } else { turn.map(|c| c / length) }
 }
 
 /// Quaternions (x, y, z, w) frame by frame. Each has the sign that is nearer to the one before, so that a viewer that
