@@ -28,6 +28,12 @@ pub fn run_of_kind(results: &Path, kind: &str) -> String {
     format!("results/{name}/runs/{}", run.file_name().expect("an id").display())
 }
 
+/// The metrics of a run in `results/NAME/runs/ID`.
+fn metrics(place: &Place, run: &str) -> impl Fn(&str) -> f64 + use<> {
+    let record = place.json(&format!("{run}/record.json"));
+    move |name| record["metrics"][name].as_f64().expect("a metric")
+}
+
 #[test]
 fn motions_of_captions_are_written_whole_and_repeat() {
     let place = Place::with("mini.yaml");
@@ -226,10 +232,15 @@ fn residual_codes_are_made_one_after_another_or_in_two_stages() {
     let names = records::column(&results, "generator");
     assert_eq!(names.iter().filter(|name| *name == "masked").count() * 2, names.len());
     assert!(results.join("generators/masked/laws.json").exists());
+    for kind in ["autoregressive", "masked"] {
+        let metric = metrics(&place, &run_of_kind(&results, kind));
+        let used = "likeliest_exponential_entropy";
+        let layers = [1, 2, 3].map(|layer| metric(&format!("{used}_scale_{layer}")));
+        assert!(layers.iter().all(|used| (1.0..=64.0).contains(used)), "{kind}: {layers:?}");
+        assert!((layers.iter().sum::<f64>() / 3.0 - metric(used)).abs() < 1e-9, "{kind}");
+    }
     let run = run_of_kind(&results, "masked");
-    let id = run.rsplit('/').next().expect("an id");
-    let record = place.json(&format!("results/residual/runs/{id}/record.json"));
-    let metric = |name: &str| record["metrics"][name].as_f64().expect("a metric");
+    let metric = metrics(&place, &run);
     let layers = [1, 2, 3].map(|layer| metric(&format!("loss_normalised_scale_{layer}")));
     let mean = layers.iter().sum::<f64>() / 3.0;
     assert!((mean - metric("loss_normalised")).abs() < 1e-9, "layers are alike: {layers:?}");
