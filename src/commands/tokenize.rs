@@ -84,9 +84,6 @@ fn encoded(
     Ok((clip, features))
 }
 
-/// Motions that are listed, at most.
-const LISTED: usize = 12;
-
 /// The result as text.
 fn text(tokenizer: &TrainedTokenizer, clips: &[ClipCodes], args: &TokenizeArgs) -> String {
     let spec = tokenizer.tokenizer.spec();
@@ -96,10 +93,9 @@ fn text(tokenizer: &TrainedTokenizer, clips: &[ClipCodes], args: &TokenizeArgs) 
         let (frames, codes) = (format!("  {} frames", clip.frames), clip.codes.len());
         [frames, seconds, format!("{codes} codes"), clip.motion.clone()]
     };
-    let rows = table(["", "", "", "<"], clips.iter().take(LISTED).map(row));
+    let rows = listed(["", "", "", "<"], clips.iter().map(row));
     let heading = format!("{} by tokenizer {} ({kind}, V {v})", many(n, "motion"), tokenizer.id);
-    let text = format!("{heading}\n\n{rows}{}", more(n, LISTED, ""));
-    text + &format!("\nfiles     {}/<motion>.json\n", args.out.display())
+    format!("{heading}\n\n{rows}\nfiles     {}/<motion>.json\n", args.out.display())
 }
 
 // The captions of motions: given, one per line, or in files next to them.
