@@ -31,7 +31,7 @@ pub fn run_of_kind(results: &Path, kind: &str) -> String {
 /// The metrics of a run in `results/NAME/runs/ID`.
 fn metrics(place: &Place, run: &str) -> impl Fn(&str) -> f64 + use<> {
     let record = place.json(&format!("{run}/record.json"));
-    move |name| record["metrics"][name].as_f64().expect("a metric")
+    move |name: &str| record["metrics"][name].as_f64().expect("a metric")
 }
 
 #[test]
