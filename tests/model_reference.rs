@@ -112,7 +112,7 @@ fn check_loss(variant: &str, kernels: Kernels) {
     let (model, batch) = (reference.model(kernels, &Device::flex()), reference.batch());
     let expected = reference.notes.loss;
     let loss = f64::from(model.loss(&batch).into_scalar::<f32>());
-    let nll = model.nll(&batch);
+    let nll = model.nll(&batch).nats;
     let mean = nll.iter().sum::<f64>() / nll.len() as f64;
     assert_eq!(nll.len(), 8 + 2 + 10);
     assert!((loss / expected - 1.0).abs() < TOLERANCE, "{loss} against {expected}");

@@ -100,6 +100,7 @@ fn a_model_that_knows_nothing_scores_the_logarithm_of_the_vocabulary() {
     assert!((loss.loss_nats - nats).abs() < 1e-6, "{loss:?}");
     assert!((loss.nats_per_frame - nats_per_frame).abs() < 1e-6, "{loss:?}");
     assert!(loss.loss_normalised > 0.5, "Zipf's law tells something: {loss:?}");
+    assert_eq!(loss.likeliest_exponential_entropy, [1.0], "equal codes: always the first");
 }
 
 const CHAIN_VOCAB: usize = 24;

@@ -242,6 +242,7 @@ class Padding(unittest.TestCase):
         self.assertTrue(np.isfinite(loss["loss_nats"]))
         self.assertEqual([clip["targets"] for clip in loss["clips"]], run.codes.n_targets("val").tolist())
         self.assertEqual(len(loss["normalised_by_scale"]), len(lengths) if len(lengths) > 1 else 0)
+        self.assertEqual(len(loss["likeliest_exponential_entropy"]), len(lengths))
 
     def _gradients(self, model, arrays):
         model.zero_grad(set_to_none=True)

@@ -133,9 +133,6 @@ fn mean_mpjpe(made: &[Made]) -> Option<f64> {
 
 // The result as text.
 
-/// Motions that are listed, at most.
-const LISTED: usize = 12;
-
 /// The result as text.
 fn text(id: &str, made: &[Made], mean: Option<f64>, out: &Path) -> String {
     let heading = many(made.len(), "motion");
@@ -143,9 +140,8 @@ fn text(id: &str, made: &[Made], mean: Option<f64>, out: &Path) -> String {
         let off = dash(*mpjpe_mm, |mm| format!("{mm:.1}"));
         [format!("  {frames} frames"), format!("{off} mm"), motion.clone()]
     };
-    let rows = table(["", "", "<"], made.iter().take(LISTED).map(row));
-    let unsaid = more(made.len(), LISTED, "");
-    let mut text = format!("{heading} by tokenizer {id}\n\n{rows}{unsaid}");
+    let rows = listed(["", "", "<"], made.iter().map(row));
+    let mut text = format!("{heading} by tokenizer {id}\n\n{rows}");
     let mean = mean.map_or_else(
         || "unknown: no original lies beside the codes; name it by --truth".to_string(),
         |mean| format!("{mean:.1} mm from the originals, over their frames"),

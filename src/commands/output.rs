@@ -135,6 +135,18 @@ pub fn table<const N: usize>(
     lines.iter().map(padded).collect()
 }
 
+/// Rows that a list shows, at most.
+const LISTED: usize = 12;
+
+/// A [`table`] of the first rows, and how many more there are.
+pub fn listed<const N: usize>(
+    heads: [&str; N],
+    rows: impl ExactSizeIterator<Item = [String; N]>,
+) -> String {
+    let n = rows.len();
+    table(heads, rows.take(LISTED)) + &more(n, LISTED, "")
+}
+
 /// `and 3 more`, if only `most` of `n` items are shown; else empty. `how` says where to see the rest.
 pub fn more(n: usize, most: usize, how: &str) -> String {
     if n > most { format!("  and {} more{how}\n", n - most) } else { String::new() }

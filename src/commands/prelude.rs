@@ -19,4 +19,4 @@ pub use isoflop::words::wrap;
 pub use serde::{Deserialize, Serialize};
 pub use serde_json::{Value, json};
 
-pub use super::output::{Exit, Output, clip, dash, many, more, sentence, table};
+pub use super::output::{Exit, Output, clip, dash, listed, many, more, sentence, table};

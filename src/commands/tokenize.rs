@@ -8,7 +8,6 @@ use isoflop::data::{
 };
 use isoflop::files::read_text;
 use isoflop::jobs::TrainedTokenizer;
-use isoflop::motion::N_FEATURES;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -63,36 +62,27 @@ fn places(args: &TokenizeArgs) -> Result<Vec<PathBuf>> {
     Ok(places)
 }
 
-/// The codes of a motion, and its features; frames after its last whole latent are left out.
+/// The codes of a motion, and its features.
 fn encoded(
     tokenizer: &TrainedTokenizer,
     path: &Path,
     caption: Option<String>,
 ) -> Result<(ClipCodes, Vec<f32>)> {
     let features = read_motion(path, tokenizer.tokenizer.fps())?;
-    let (n_frames, spec) = (features.len() / N_FEATURES, tokenizer.tokenizer.spec());
-    let stride = spec.frames_per_latent();
-    if n_frames < stride {
-        bail!("it has {n_frames} frames, and the tokenizer's latents take {stride} each");
-    }
     let embedded = tokenizer.embed(caption.as_deref());
     let embedded = embedded.context("give --caption, --texts, or a .txt beside it")?;
-    let codes = tokenizer.tokenizer.encode(&features, embedded.as_deref())?;
-    let frames = n_frames / stride * stride;
+    let (codes, frames) = tokenizer.encode(&features, embedded.as_deref())?;
     let clip = ClipCodes {
         tokenizer_id: tokenizer.id.clone(),
         motion: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         caption,
         fps: tokenizer.tokenizer.fps(),
         frames,
-        scales: ClipScale::of(&spec.grid(), frames),
+        scales: ClipScale::of(&tokenizer.tokenizer.spec().grid(), frames),
         codes,
     };
     Ok((clip, features))
 }
-
-/// Motions that are listed, at most.
-const LISTED: usize = 12;
 
 /// The result as text.
 fn text(tokenizer: &TrainedTokenizer, clips: &[ClipCodes], args: &TokenizeArgs) -> String {
@@ -103,10 +93,9 @@ fn text(tokenizer: &TrainedTokenizer, clips: &[ClipCodes], args: &TokenizeArgs) 
         let (frames, codes) = (format!("  {} frames", clip.frames), clip.codes.len());
         [frames, seconds, format!("{codes} codes"), clip.motion.clone()]
     };
-    let rows = table(["", "", "", "<"], clips.iter().take(LISTED).map(row));
+    let rows = listed(["", "", "", "<"], clips.iter().map(row));
     let heading = format!("{} by tokenizer {} ({kind}, V {v})", many(n, "motion"), tokenizer.id);
-    let text = format!("{heading}\n\n{rows}{}", more(n, LISTED, ""));
-    text + &format!("\nfiles     {}/<motion>.json\n", args.out.display())
+    format!("{heading}\n\n{rows}\nfiles     {}/<motion>.json\n", args.out.display())
 }
 
 // The captions of motions: given, one per line, or in files next to them.

@@ -222,15 +222,27 @@ impl TrainedTokenizer {
         Ok(Some(encoder.encode(&as_in_data(caption))?))
     }
 
+    /// The codes of a motion, features `[T, 263]` row-major, and the frames that they cover: those after its last whole
+    /// latent are left out. A tokenizer with language sees the vectors of a caption.
+    ///
+    /// # Errors
+    /// The motion is shorter than a latent, or [`Tokenizer::encode`] fails.
+    pub fn encode(&self, features: &[f32], text: Option<&[f32]>) -> Result<(Vec<u32>, usize)> {
+        let stride = self.tokenizer.spec().frames_per_latent();
+        let n_frames = features.len() / N_FEATURES;
+        if n_frames < stride {
+            bail!("it has {n_frames} frames, and the tokenizer's latents take {stride} each");
+        }
+        Ok((self.tokenizer.encode(features, text)?, n_frames / stride * stride))
+    }
+
     /// Motion from the codes of a motion: features `[T, 263]`, row-major, without the frames after the last whole latent.
     ///
     /// # Errors
-    /// The motion is shorter than a latent, or [`TrainedTokenizer::embed`] fails.
+    /// As [`TrainedTokenizer::embed`] and [`TrainedTokenizer::encode`].
     pub fn reconstruction(&self, features: &[f32], caption: &str) -> Result<Vec<f32>> {
-        let stride = self.tokenizer.spec().frames_per_latent();
         let text = self.embed(Some(caption))?;
-        let codes = self.tokenizer.encode(features, text.as_deref())?;
-        let frames = features.len() / N_FEATURES / stride * stride;
+        let (codes, frames) = self.encode(features, text.as_deref())?;
         Ok(self.tokenizer.decode(&codes, frames, text.as_deref(), 0.0)?)
     }
 }

@@ -10,15 +10,14 @@ use rayon::prelude::*;
 use super::assignment::{MODEL, OF_RUN};
 use super::folder::{JobState, Product, ResultsFolder};
 use super::job::{JobId, JobKind};
-use crate::codes::TokenStore;
-use crate::data::{self, Split};
+use crate::data;
 use crate::draws::stream;
 use crate::evaluator::{self, Evaluator, EvaluatorReport, Truth};
 use crate::files::FileError;
 use crate::generator::{self, Edit, GeneratorError, Prompt, Sampled, Sampler, Sampling};
 use crate::learn::weights;
 use crate::spec::{EvaluatorSection, RunSpec};
-use crate::text::{self, LengthEstimator, TextEncoder, TextStore, as_in_data};
+use crate::text::{self, LengthEstimator, TextEncoder, as_in_data};
 use crate::tokenizer::Tokenizer;
 
 /// First ChaCha stream of lengths, far above those of motions.
@@ -137,22 +136,12 @@ impl TrainedRun {
         prompts.par_iter().zip(sampled).map(decoded).collect()
     }
 
-    /// The run's length estimator, trained here if an older version embedded the captions.
+    /// The run's length estimator.
     ///
     /// # Errors
-    /// The captions or the codes of its data are missing or damaged.
-    pub fn length_estimator(&self) -> Result<LengthEstimator> {
-        let path = self.folder.text(&self.spec.text_id);
-        if let Some(estimator) = LengthEstimator::open(&path)? {
-            return Ok(estimator);
-        }
-        let texts = TextStore::open(&path)?;
-        let tokens = TokenStore::open(&self.folder.tokens(&self.spec.tokenizer_id))?;
-        let n_clips = [texts.n_clips(Split::Train), tokens.n_clips(Split::Train)];
-        let clip =
-            |clip| (tokens.clip_frames(Split::Train, clip), texts.captions(Split::Train, clip));
-        let clips: Vec<_> = (0..n_clips[0].min(n_clips[1])).map(clip).collect();
-        Ok(LengthEstimator::train(texts.dim(), &clips, |caption| texts.embedding(caption)))
+    /// The file of the captions is missing, damaged, or of an older version.
+    pub fn length_estimator(&self) -> Result<LengthEstimator, FileError> {
+        LengthEstimator::open(&self.folder.text(&self.spec.text_id))
     }
 
     /// A length in frames, of whole latents, that an estimator draws for a caption's vectors, by a seed and an index.

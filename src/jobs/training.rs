@@ -60,6 +60,7 @@ fn write_results(
         loss_nats: trained.test.loss_nats,
         loss_normalised: Some(trained.test.loss_normalised),
         normalised_by_scale: trained.test.normalised_by_scale,
+        likeliest_exponential_entropy: trained.test.likeliest_exponential_entropy,
         clips: trained.test.clips,
         nats_per_frame: Some(trained.test.nats_per_frame),
         flops_exact: Some(trained.flops_exact),

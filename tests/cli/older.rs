@@ -20,7 +20,10 @@ fn of_format_1(record: &[u8]) -> Vec<u8> {
     for name in NEW {
         facts.remove(name).expect("a fact of today");
     }
-    facts.retain(|name, _| !name.starts_with("loss_normalised_block_"));
+    let is_newer = |name: &str| {
+        ["loss_normalised_block_", "likeliest_"].iter().any(|start| name.starts_with(start))
+    };
+    facts.retain(|name, _| !is_newer(name));
     assert_eq!(facts.len(), 34);
     serde_json::to_vec_pretty(&facts).expect("plain values")
 }

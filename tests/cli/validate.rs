@@ -1,6 +1,9 @@
 //! `isoflop validate`: a forecast that is written down before its runs, and what they say of it.
 
-use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
 
 use super::support::{Place, lawful, worked_trainer};
 
@@ -69,6 +72,28 @@ fn what_the_laws_do_not_tell_is_not_validated() {
     let words = ["validate", "results/mini", "--budget", "6e9"];
     place.isoflop(&words).exits(2).says("results/mini/laws.json does not exist");
     assert!(!place.path("results/mini/validations").exists());
+}
+
+#[test]
+fn a_budget_without_an_optimum_is_not_validated() {
+    let (place, study) =
+        (Place::new(), Path::new(env!("CARGO_MANIFEST_DIR")).join("results/procedural-law"));
+    for name in ["sweep.yaml", "laws.json"] {
+        fs::create_dir_all(place.path("results/study")).unwrap();
+        fs::copy(study.join(name), place.path("results/study").join(name))
+            .expect("a committed file");
+    }
+    let words = ["validate", "results/study", "--budget", "1e13", "--register"];
+    place.isoflop(&words).exits(0);
+    fs::remove_dir_all(place.path("results/study/validations")).unwrap();
+    let mut laws = place.json("results/study/laws.json");
+    // The sixth coefficient is e1, by which the loss falls with V: now it rises, whatever the budget.
+    laws["joint"]["loss"]["values"][5] = json!(-0.8);
+    place.write("results/study/laws.json", &laws.to_string());
+    let told = "has no optimum at 1e13 FLOPs between the vocabularies";
+    place.isoflop(&words).exits(3).says(told);
+    place.isoflop(&["predict", "1e13", "--law", "results/study"]).exits(3).says(told);
+    assert!(!place.path("results/study/validations").exists());
 }
 
 #[test]

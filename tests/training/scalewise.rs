@@ -6,7 +6,8 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::corpus::{Clips, Corpus, D_TEXT, small_run};
 use crate::trained::train;
-use isoflop::codes::{Grid, Length, Scale};
+use isoflop::codes::{CodeHistogram, Grid, Length, Scale};
+use isoflop::data::Split;
 use isoflop::generator::scalewise::{Batch, Clip, Model};
 use isoflop::generator::{self, Draw, Edit, Inputs, Prompt, Sampling, ScaleInputs};
 use isoflop::learn::weights::{self, Weights};
@@ -85,7 +86,8 @@ fn nll(model: &Model, text: &[f32], codes: &[u32], shown: &[u32]) -> Vec<Vec<f64
         n_latents: latents,
         supervised: 0..codes.len(),
     };
-    model.nll(&Batch::pack(&[clip], &grid(), D_TEXT, model.places()))
+    let losses = model.nll(&Batch::pack(&[clip], &grid(), D_TEXT, model.places()));
+    losses.into_iter().map(|scale| scale.nats).collect()
 }
 
 fn text() -> Vec<f32> {
@@ -180,6 +182,17 @@ fn the_loss_of_the_source_itself_is_reached() {
     // The first scale is drawn from its unigram; the others are told by the one below.
     let [first, second, _] = test.normalised_by_scale[..] else { panic!("three scales") };
     assert!(first.abs() < 0.03 && second < -0.2, "{:?}", test.normalised_by_scale);
+    // The likeliest code of the first scale is always 0, and of the others the true one below.
+    let tokens = &corpus.tokens;
+    let used = |scale| {
+        let clips =
+            (0..tokens.n_clips(Split::Test)).flat_map(|i| tokens.scale(Split::Test, i, scale));
+        CodeHistogram::new(V, clips).exponential_entropy()
+    };
+    let expected = [1.0, used(0), used(1)];
+    let found = test.likeliest_exponential_entropy;
+    let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(found.len() == SCALES && off < 0.02, "{found:?} for {expected:?}");
 }
 
 /// Clips of the longest length, four a step, after the longest text: two words and the end.

@@ -20,6 +20,20 @@ pub fn below(rng: &mut ChaCha8Rng, n: usize) -> usize {
     ((u128::from(rng.next_u64()) * n as u128) >> 64) as usize
 }
 
+/// An index, as likely as its weight among all; there is at least one.
+pub fn weighted(
+    mut weights: impl ExactSizeIterator<Item = f64> + Clone,
+    rng: &mut ChaCha8Rng,
+) -> usize {
+    let mut left = unit(rng) * weights.clone().sum::<f64>();
+    let last = weights.len() - 1;
+    let drawn = weights.position(|weight| {
+        left -= weight;
+        left < 0.0
+    });
+    drawn.unwrap_or(last)
+}
+
 /// `k` distinct numbers below `n`, in the order drawn; all of them if there are fewer.
 pub fn distinct(n: usize, k: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
     let mut numbers: Vec<usize> = (0..n).collect();

@@ -40,7 +40,7 @@ def result(torch, learning, test, device):
     totals = learning.totals
     on_gpu = device.type == "cuda"
     found = {key: test[key] for key in ("loss_nats", "loss_normalised", "nats_per_frame")}
-    found |= {"normalised_by_scale": test["normalised_by_scale"], "clips": test["clips"]}
+    found |= {key: test[key] for key in ("normalised_by_scale", "likeliest_exponential_entropy", "clips")}
     found |= {"log": totals["log"], "wall_s": totals["wall_s"], "flops_exact": 3 * totals["forward_flops"]}
     found["device"] = torch.cuda.get_device_name(device) if on_gpu else "torch cpu"
     if on_gpu:

@@ -40,7 +40,7 @@ class Autoregressive(Network):
         return self.part("head_loss")(self.features(batch), self.classes(), batch["targets"], weights)
 
     def target_nll(self, batch):
-        """-ln p of each target of a batch, in nats."""
+        """-ln p of each target of a batch, in nats, and the likeliest id in its place."""
         return self.head_nll(self.features(batch), self.classes(), batch["targets"])
 
 
@@ -88,10 +88,13 @@ class NextCode:
         return ids
 
     def measured(self, split, clips, device):
-        """-ln p of the targets of whole clips, those of the unigram model, the clip and the scale of each; a
-        tuple of arrays a pass."""
-        ends = self.codes.n_targets(split)[clips]
+        """-ln p of the targets of whole clips, those of the unigram model, the clip and the scale of each, and the
+        likeliest ids in the places of codes, by scale; a tuple of arrays a pass."""
+        ends, lengths = self.codes.n_targets(split)[clips], self.codes.lengths(split)[clips]
         packed = self.packed(split, Parts(clips, self.captions.shown(split)[clips], ends * 0, ends))
-        nll = self.model.target_nll(on_device(packed.as_it_is(), device)).double().cpu().numpy()
-        clip, _ = spans(ends)
-        yield nll, self.unigram[packed.groups["target"]["targets"]], clips[clip], clip * 0
+        nll, likeliest = self.model.target_nll(on_device(packed.as_it_is(), device))
+        clip, place = spans(ends)
+        used = likeliest.cpu().numpy()[place < lengths.sum(1)[clip]]
+        scale = spans(lengths.ravel())[0] % lengths.shape[1]
+        unigram = self.unigram[packed.groups["target"]["targets"]]
+        yield nll.double().cpu().numpy(), unigram, clips[clip], clip * 0, (scale, used)

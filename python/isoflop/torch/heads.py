@@ -46,7 +46,7 @@ class Headed(Network):
         return loss
 
     def target_nll(self, batch):
-        """-ln p of the targets of each head, in nats."""
+        """-ln p of the targets of each head, in nats, and the likeliest codes in their places."""
         found = zip(self.features(batch), self.classes(), range(self.n_heads))
         return [self.head_nll(x, head, batch[f"targets_{k}"]) for x, head, k in found]
 

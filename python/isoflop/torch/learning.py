@@ -312,11 +312,14 @@ def peak_flops(device, peaks):
 
 
 def split_loss(objective, device, split):
-    """Cross-entropy and L_u on a split, of each scale and of each clip, each clip once with one caption."""
+    """Cross-entropy and L_u on a split, of each scale and of each clip, each clip once with one caption; and the
+    exponential entropy of each scale's likeliest codes."""
     n_clips, n_scales = objective.codes.n_clips(split), len(objective.codes.scales)
     clips, scales = np.zeros((n_clips, 3)), np.zeros((n_scales, 3))
+    used = np.zeros((n_scales, objective.codes.n_vocab + 1))
     for some in passes(objective.codes.n_targets(split), objective.spec.targets_per_pass):
-        for nll, unigram, clip, scale in objective.measured(split, some, device):
+        for nll, unigram, clip, scale, likeliest in objective.measured(split, some, device):
+            np.add.at(used, likeliest, 1)
             own = np.stack([nll, unigram, np.ones_like(nll)], 1)
             np.add.at(clips, clip, own)
             np.add.at(scales, scale, own)
@@ -328,8 +331,15 @@ def split_loss(objective, device, split):
         "loss_normalised": (nats - unigram) / targets,
         "nats_per_frame": nats / frames,
         "normalised_by_scale": by_scale if len(by_scale) > 1 else [],
+        "likeliest_exponential_entropy": [exponential_entropy(counts[counts > 0]) for counts in used],
         "clips": [{"nats": a, "unigram_nats": b, "targets": int(n)} for a, b, n in clips],
     }
+
+
+def exponential_entropy(counts):
+    """How many values of like frequency have the entropy of these counts."""
+    shares = counts / counts.sum()
+    return float(np.exp(-(shares * np.log(shares)).sum()))
 
 
 def passes(targets, most):

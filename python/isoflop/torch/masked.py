@@ -72,21 +72,22 @@ class HiddenCodes:
 
     def measured(self, split, clips, device):
         """A bound on the nats of each code of whole clips, those of the unigram model, the clip and the scale
-        of each.
+        of each, and the likeliest codes in the hidden places, by scale.
 
         Of m hidden codes of n, m drawn evenly from 1 to n, the mean of -ln p bounds the nats of a code
         (Uria et al. 2014; Hoogeboom et al. 2022): it stands for every code of the clip.
         """
         n, codes = self.places[split][clips], self._codes(split, clips)
         clip, _ = spans(n)
-        caption, bound = self.captions.shown(split)[clips], np.zeros(len(clips))
+        caption, bound, used = self.captions.shown(split)[clips], np.zeros(len(clips)), []
         for is_hidden in self._masks(split)[clips[0]]:
             shown = np.where(is_hidden, self.n_vocab, codes)
             packed = self.packed(caption, n, codes, is_hidden, shown)
-            nll = self.model.target_nll(on_device(packed.as_it_is(), device)).double().cpu().numpy()
-            own = clip[is_hidden]
+            nll, likeliest = self.model.target_nll(on_device(packed.as_it_is(), device))
+            used.append(likeliest.cpu().numpy())
+            own, nll = clip[is_hidden], nll.double().cpu().numpy()
             bound += np.bincount(own, nll, len(clips)) / (MASKS * np.bincount(own, minlength=len(clips)))
-        yield bound[clip], self.unigram[codes], clips[clip], clip * 0
+        yield bound[clip], self.unigram[codes], clips[clip], clip * 0, (0, np.concatenate(used))
 
     def _masks(self, split):
         """What is hidden when a split is measured, by the first clip of each pass; drawn pass after pass."""

@@ -218,10 +218,14 @@ class Network(nn.Module):
         return HeadLoss.apply(rms_norm(x, self.norm).to(self.dtype), head, targets, weights)
 
     def head_nll(self, x, head, targets):
-        """-ln p of each target, in nats, `[s]`, without gradients."""
+        """-ln p of each target, in nats, and the likeliest class in its place, `[s]` each, without gradients."""
         rows, weight = rms_norm(x, self.norm).to(self.dtype), widened(head, x)
-        parts = chunks(weight, rows, targets)
-        return torch.cat([nll_and_total(own, weight, asked, head.shape[1])[0] for own, asked in parts])
+
+        def found(own, asked):
+            nll, _, logits = nll_and_total(own, weight, asked, head.shape[1])
+            return nll, logits.argmax(1)
+
+        return [torch.cat(parts) for parts in zip(*(found(*chunk) for chunk in chunks(weight, rows, targets)))]
 
 
 def widened(head, x):

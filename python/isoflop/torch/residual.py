@@ -172,9 +172,10 @@ class TwoStages:
         packed = self.packed(split, Parts(asked, self.captions.shown(split)[asked], n * 0, n), layer)
         found = self.model.residual.target_nll(on_device(packed.as_it_is(), device))
         clip, _ = spans(self.places[split][clips])
-        for k, (nll, start) in enumerate(zip(found, self.codes.starts()[1:])):
-            ids = start + packed.groups[f"target_{k}"][f"targets_{k}"]
-            yield nll.double().cpu().numpy(), self.unigram[ids], clips[clip], clip * 0 + k + 1
+        for k, ((nll, likeliest), start) in enumerate(zip(found, self.codes.starts()[1:]), 1):
+            ids = start + packed.groups[f"target_{k - 1}"][f"targets_{k - 1}"]
+            used = (k, likeliest.cpu().numpy())
+            yield nll.double().cpu().numpy(), self.unigram[ids], clips[clip], clip * 0 + k, used
 
 
 def drawn_layer(n_layers, u):

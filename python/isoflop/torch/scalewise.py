@@ -163,14 +163,15 @@ class NextScale:
         return rows
 
     def measured(self, split, clips, device):
-        """-ln p of the codes of whole clips, those of the unigram model, the clip and the scale of each; a
-        tuple of arrays a scale."""
+        """-ln p of the codes of whole clips, those of the unigram model, the clip and the scale of each, and the
+        likeliest codes in their places, by scale; a tuple of arrays a scale."""
         lengths = self.lengths[split][clips]
         ends = lengths.sum(1)
         parts = Parts(clips, self.captions.shown(split)[clips], ends * 0, ends)
         packed = self.packed(split, parts, self._codes(split, clips))
         found = self.model.target_nll(on_device(packed.as_it_is(), device))
-        for k, (nll, start) in enumerate(zip(found, self.codes.starts())):
+        for k, ((nll, likeliest), start) in enumerate(zip(found, self.codes.starts())):
             clip, _ = spans(lengths[:, k])
             ids = start + packed.groups[f"target_{k}"][f"targets_{k}"]
-            yield nll.double().cpu().numpy(), self.unigram[ids], clips[clip], clip * 0 + k
+            used = (k, likeliest.cpu().numpy())
+            yield nll.double().cpu().numpy(), self.unigram[ids], clips[clip], clip * 0 + k, used

@@ -171,9 +171,6 @@ fn write(
 
 // The result as text.
 
-/// Motions that are listed, at most.
-const LISTED: usize = 12;
-
 /// Characters of a caption that are shown.
 const CAPTION: usize = 56;
 
@@ -185,16 +182,14 @@ fn text(run: &TrainedRun, motions: &[Motion], out: &Path, made_s: f64) -> String
         let caption = clip(&motion.caption, CAPTION) + cut;
         [format!("  {index}"), format!("{:.1} s", motion.seconds), caption]
     };
-    let rows = motions.iter().enumerate().take(LISTED).map(row);
     let mut text = format!(
-        "{} in {:.2} s, {:.0} a minute, by\n{} ({})\n\n{}{}",
+        "{} in {:.2} s, {:.0} a minute, by\n{} ({})\n\n{}",
         many(n, "motion"),
         made_s,
         60.0 * n as f64 / made_s,
         run.spec.label(),
         run.run_id,
-        table(["", "", "<"], rows),
-        more(n, LISTED, "")
+        listed(["", "", "<"], motions.iter().enumerate().map(row))
     );
     if motions.iter().any(|motion| !motion.ended) {
         text += "  cut: the model's context had no room for more\n";

@@ -98,9 +98,6 @@ fn agreements(own: &[Quality], by_others: &[Vec<Quality>]) -> Vec<Ranks> {
 
 // Scored runs as text.
 
-/// Runs, and budgets, that are listed, at most.
-const LISTED: usize = 12;
-
 /// Runs by FID, the best of each budget, laws and rank correlations.
 fn text(
     folder: &ResultsFolder,
@@ -119,8 +116,7 @@ fn text(
         [row.generator().to_string(), codes, size, budget, loss, fid, first, skate, jerk]
     };
     let heads = ["<scored runs", "V", "N_nv", "C", "L_u", "<FID", "R@1", "skate", "jerk"];
-    let mut text = table(heads, rows.iter().take(LISTED).map(row));
-    text += &more(rows.len(), LISTED, "");
+    let mut text = listed(heads, rows.iter().map(row));
     let truth = with_interval(&rows[0], "truth_r_precision_1", 3);
     let [skate, jerk] = ["truth_foot_skate", "truth_jerk"].map(|name| moving(&rows[0], name));
     let _ = writeln!(
@@ -178,8 +174,7 @@ fn of_budgets(best: &[Best]) -> String {
         [generator.clone(), budget, size, codes, fid, size_by, codes_by, fid_by]
     };
     let heads = ["<best", "C", "L_u:N_nv", "V", "FID", "FID:N_nv", "V", "FID"];
-    let rows = table(heads, best.iter().take(LISTED).map(row));
-    format!("\n{rows}{}\n", more(best.len(), LISTED, ""))
+    format!("\n{}\n", listed(heads, best.iter().map(row)))
 }
 
 /// Foot skate in percent, or jerk.

@@ -58,6 +58,10 @@ pub struct TrainerResult {
     /// L_u of the codes of each scale, if there are several.
     #[serde(default)]
     pub normalised_by_scale: Vec<f64>,
+    /// exp of the entropy of the likeliest codes on the test split, of each scale; the record has their mean too. Unknown
+    /// if missing.
+    #[serde(default)]
+    pub likeliest_exponential_entropy: Vec<f64>,
     /// The sums of each clip of the test split, in its order, to estimate the effect of other test clips.
     #[serde(default)]
     pub clips: Vec<Sums>,
@@ -68,6 +72,9 @@ pub struct TrainerResult {
     /// run can then generate motions.
     pub weights: Option<PathBuf>,
 }
+
+/// The metric of the likeliest codes.
+const LIKELIEST: &str = "likeliest_exponential_entropy";
 
 /// A loss beyond this many nats is none.
 const LARGEST_LOSS: f64 = 1e6;
@@ -141,6 +148,10 @@ impl TrainerResult {
         if let Some((name, x)) = losses.into_iter().find(|(_, x)| x.is_some_and(|x| !is_loss(x))) {
             let x = x.unwrap_or(f64::NAN);
             return Some(format!("`{name}` is {x:e}, which is no loss: did the run diverge?"));
+        }
+        let mut used = self.likeliest_exponential_entropy.iter();
+        if let Some(x) = used.find(|x| !(1.0..=2f64.powi(53)).contains(*x)) {
+            return Some(format!("`{LIKELIEST}` has {x}, and codes are at least 1"));
         }
         let positive = [
             ("lr", self.lr),
@@ -276,6 +287,13 @@ impl FinishedRun<'_> {
         for (scale, loss) in result.normalised_by_scale.iter().enumerate() {
             metrics.set(format!("{LOSS_NORMALISED}_scale_{}", scale + 1), *loss);
         }
+        let used = &result.likeliest_exponential_entropy;
+        if !used.is_empty() {
+            metrics.set(LIKELIEST, used.iter().sum::<f64>() / used.len() as f64);
+        }
+        for (scale, used) in used.iter().enumerate().filter(|_| used.len() > 1) {
+            metrics.set(format!("{LIKELIEST}_scale_{}", scale + 1), *used);
+        }
         let codes = self.tokens.filter(|_| !result.clips.is_empty());
         let by_block = codes.map_or_else(Vec::new, |codes| by_block(codes, &result.clips));
         for (block, loss) in by_block.into_iter().enumerate() {
@@ -328,6 +346,9 @@ mod tests {
         refused(r#"{"loss_nats": 1e999, "loss_normalised": 1}"#, "out of range");
         refused(r#"{"loss_nats": 3, "loss_normalised": 1, "loss": 1}"#, "unknown field `loss`");
         refused(r#"{"loss_nats": 3, "loss_normalised": 1, "tokens": 0}"#, "`tokens` is 0");
+        let few =
+            r#"{"loss_nats": 3, "loss_normalised": 1, "likeliest_exponential_entropy": [2, 0.5]}"#;
+        refused(few, "`likeliest_exponential_entropy` has 0.5");
         refused(r#"{"loss_nats": 3, "loss_normalised": 1, "wall_s": -1}"#, "negative");
     }
 }

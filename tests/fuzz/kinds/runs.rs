@@ -54,6 +54,7 @@ fn results(_: &Path) -> Vec<Vec<u8>> {
     let whole = r#"{"loss_nats": 3, "unigram_nats": 4.5, "params_nonvocab": 1000, "params_vocab": 64, "tokens": 1e6,
  "unique_tokens": 5e5, "steps": 100, "batch_tokens": 64, "lr": 1e-3, "flops_exact": 1e12, "nats_per_frame": 0.7,
  "wall_s": 1.5, "tokens_per_s": 1e5, "peak_bytes": 1e9, "device": "gpu", "normalised_by_scale": [-1.0, -2.0],
+ "likeliest_exponential_entropy": [1.0, 9.5],
  "clips": [{"nats": 3.5, "unigram_nats": 4.0, "targets": 7}], "log": [], "weights": "weights.safetensors"}"#;
     let small = r#"{"loss_nats": 3, "loss_normalised": -1.5}"#;
     vec![whole.as_bytes().to_vec(), small.as_bytes().to_vec()]

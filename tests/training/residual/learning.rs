@@ -6,6 +6,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use super::{LAYERS, V, grid, spec};
 use crate::corpus::{Clips, Corpus};
 use crate::trained::train;
+use isoflop::codes::CodeHistogram;
 use isoflop::data::Split;
 use isoflop::learn::weights;
 use isoflop::spec::RunSpec;
@@ -65,6 +66,14 @@ fn normalised(corpus: &Corpus, nats: [f64; LAYERS]) -> [f64; LAYERS] {
     })
 }
 
+/// Exponential entropy of the likeliest codes of the third layer by the source itself.
+fn of_sums(corpus: &Corpus) -> f64 {
+    let of = |clip, layer| corpus.tokens.scale(Split::Test, clip, layer).iter();
+    let sums = |clip| of(clip, 0).zip(of(clip, 1)).map(|(a, b)| (a + b) % V as u32);
+    let likeliest: Vec<u32> = (0..corpus.tokens.n_clips(Split::Test)).flat_map(sums).collect();
+    CodeHistogram::new(V, &likeliest).exponential_entropy()
+}
+
 #[test]
 fn later_layers_reach_the_source_and_the_first_is_bounded() {
     let (corpus, nats) = corpus(4000);
@@ -76,6 +85,8 @@ fn later_layers_reach_the_source_and_the_first_is_bounded() {
     let off: Vec<f64> = found.iter().zip(expected).map(|(a, b)| a - b).collect();
     assert!(expected[1..].iter().all(|nats| *nats < -0.4), "layers tell of others: {expected:?}");
     assert!((0.0..0.08).contains(&off[0]), "{off:?}");
+    let [_, _, last] = test.likeliest_exponential_entropy[..] else { panic!("three layers") };
+    assert!((last - of_sums(&corpus)).abs() < 0.02, "{last} for {}", of_sums(&corpus));
     assert!(off[1..].iter().all(|off| (-0.01..0.05).contains(off)), "{off:?}");
     let n = corpus.tokens.n_tokens(Split::Test);
     let whole = test.loss_nats - nats.iter().sum::<f64>() / n as f64;

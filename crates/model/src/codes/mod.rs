@@ -36,9 +36,14 @@ pub struct CodeHistogram {
 impl CodeHistogram {
     /// Counts of ids below `n_vocab`.
     pub fn new<'a>(n_vocab: usize, ids: impl IntoIterator<Item = &'a u32>) -> Self {
-        let mut counts = vec![0; n_vocab];
-        ids.into_iter().for_each(|&id| counts[id as usize] += 1);
-        Self { counts }
+        let mut histogram = Self { counts: vec![0; n_vocab] };
+        histogram.add(ids);
+        histogram
+    }
+
+    /// Counts more ids.
+    pub fn add<'a>(&mut self, ids: impl IntoIterator<Item = &'a u32>) {
+        ids.into_iter().for_each(|&id| self.counts[id as usize] += 1);
     }
 
     /// Combines several codebooks into one.

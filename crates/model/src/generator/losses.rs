@@ -8,9 +8,10 @@ use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 
 use super::stack::Supervised;
-use crate::codes::TokenStore;
+use crate::codes::{CodeHistogram, TokenStore};
 use crate::data::Split;
 use crate::draws::distinct;
+use crate::ops::RowLosses;
 use crate::spec::TARGETS_PER_PASS;
 
 /// Ranges of clips with at most the targets of a pass, or one clip.
@@ -88,6 +89,11 @@ pub struct SplitLoss {
     pub nats_per_frame: f64,
     /// L_u of the codes of each scale; empty if there is one.
     pub normalised_by_scale: Vec<f64>,
+    /// exp(−Σ q ln q) of each scale, where q is the frequency of a code among the likeliest codes in the places of the
+    /// split's codes, each given the true codes that the model is shown there. End tokens' places are left out.
+    ///
+    /// LG-Tok's §4.3 calls it perplexity; it tells how many codes a model uses, right or wrong.
+    pub likeliest_exponential_entropy: Vec<f64>,
     pub targets: usize,
     /// Per clip, in the split's order.
     pub clips: Vec<Sums>,
@@ -104,18 +110,22 @@ pub struct SplitSums<'a> {
     unigrams: Vec<Vec<f64>>,
     scales: Vec<Sums>,
     clips: Vec<Sums>,
+    /// The likeliest ids in the places of each scale of the grid.
+    likeliest: Vec<CodeHistogram>,
 }
 
 impl<'a> SplitSums<'a> {
     /// Before anything is measured; `unigrams` holds ln p_uni of the codes of each scale.
     pub fn new(tokens: &'a TokenStore, split: Split, unigrams: Vec<Vec<f64>>) -> Self {
         let scales = vec![Sums::default(); unigrams.len()];
+        let of_scale = CodeHistogram::new(tokens.n_vocab() + 1, []);
         Self {
             tokens,
             split,
             unigrams,
             scales,
             clips: vec![Sums::default(); tokens.n_clips(split)],
+            likeliest: vec![of_scale; tokens.grid().scales.len()],
         }
     }
 
@@ -149,14 +159,20 @@ impl<'a> SplitSums<'a> {
     pub fn add_scales(
         &mut self,
         first: usize,
-        (nats, targets): (&[Vec<f64>], &[Supervised]),
+        (losses, targets): (&[RowLosses], &[Supervised]),
         clips: &Range<usize>,
     ) {
         let (tokens, split) = (self.tokens, self.split);
-        for (scale, (nats, own)) in (first..).zip(nats.iter().zip(targets)) {
+        for (scale, (losses, own)) in (first..).zip(losses.iter().zip(targets)) {
             let n_codes = |clip| (clip, tokens.scale(split, clip, scale).len());
-            self.add(scale, (nats, &own.codes), clips.clone().map(n_codes));
+            self.add(scale, (&losses.nats, &own.codes), clips.clone().map(n_codes));
+            self.count(scale, &losses.likeliest);
         }
+    }
+
+    /// Counts the likeliest ids in places of a scale.
+    pub fn count(&mut self, scale: usize, likeliest: &[u32]) {
+        self.likeliest[scale].add(likeliest);
     }
 
     /// Takes in nats of a clip, which are of its first scale.
@@ -178,7 +194,7 @@ impl<'a> SplitSums<'a> {
 
     /// The losses on the split.
     pub fn loss(self) -> SplitLoss {
-        let Self { scales, clips, .. } = self;
+        let Self { scales, clips, likeliest, .. } = self;
         let all = Sums::all(&scales);
         let by_scale = || scales.iter().map(Sums::normalised).collect();
         SplitLoss {
@@ -186,6 +202,10 @@ impl<'a> SplitSums<'a> {
             loss_normalised: all.normalised(),
             nats_per_frame: all.nats / self.tokens.n_frames(self.split) as f64,
             normalised_by_scale: if scales.len() > 1 { by_scale() } else { Vec::new() },
+            likeliest_exponential_entropy: likeliest
+                .iter()
+                .map(CodeHistogram::exponential_entropy)
+                .collect(),
             targets: all.targets,
             clips,
         }

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::{GeneratorError, ScaleInputs};
-use crate::draws::{stream, unit};
+use crate::draws::{stream, weighted};
 
 /// The input of a motion.
 #[derive(Clone, Copy, Debug)]
@@ -221,15 +221,7 @@ impl Draw {
         rest.truncate(self.top_k.unwrap_or(rest.len()).max(1));
         rest.iter_mut().for_each(|(_, x)| *x = ((*x - best.1) / self.temperature).exp());
         self.keep_nucleus(&mut rest);
-        let total: f64 = rest.iter().map(|(_, p)| p).sum();
-        let mut left = unit(rng) * total;
-        for &(code, p) in &rest {
-            left -= p;
-            if left < 0.0 {
-                return code;
-            }
-        }
-        rest[rest.len() - 1].0
+        rest[weighted(rest.iter().map(|(_, p)| *p), rng)].0
     }
 
     /// Draws a code from logits of the allowed codes.

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::learn::params::{constant, normal};
 use crate::ops::{
     Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HalfFloat, HeadWeights,
-    Joining, Kernels, KeyValues, Rope, SequenceLayout,
+    Joining, Kernels, KeyValues, Rope, RowLosses, SequenceLayout,
 };
 use crate::spec::{Ffn, ModelShape, Precision};
 
@@ -198,16 +198,16 @@ pub fn heads_loss(
     losses.reduce(|sum, loss| sum + loss).expect("a batch supervises something")
 }
 
-/// −ln p of each supervised code, in nats, by the targets, as [`heads_loss`] has them.
+/// −ln p of each supervised code and the likeliest code in its place, by the targets, as [`heads_loss`] has them.
 pub fn heads_nll(
     kernels: Kernels,
     x_nd: &Tensor<2>,
     targets: &[Supervised],
     head: impl Fn(usize) -> HeadWeights,
-) -> Vec<Vec<f64>> {
+) -> Vec<RowLosses> {
     let nll = targets.iter().enumerate().map(|(index, own)| {
         if own.rows.is_empty() {
-            return Vec::new();
+            return RowLosses::default();
         }
         let x_sd = kernels.select_rows(x_nd.clone(), &own.rows);
         kernels.head_nll(x_sd, head(index), &own.codes, EPSILON)

@@ -7,7 +7,7 @@ use burn::tensor::{Device, FloatDType, Tensor};
 use super::own::{self, AdamWStep, FeedForward, HeadLoss, RmsNorm, SelectRows, SwiGlu};
 use super::{
     Activation, AttentionOptions, AttentionWeights, Convolution, CrossOptions, FeedForwardWeights,
-    HeadWeights, plain,
+    HeadWeights, RowLosses, plain,
 };
 
 /// The implementation of the operations.
@@ -138,7 +138,8 @@ impl Kernels {
         }
     }
 
-    /// Cross-entropy of each row, in nats, outside autodiff; [`Kernels::Own`] sums in `f64`.
+    /// Cross-entropy and likeliest column of each row, outside autodiff; [`Kernels::Own`] sums in `f64`, and takes the
+    /// first of equal columns.
     ///
     /// # Panics
     ///
@@ -149,7 +150,7 @@ impl Kernels {
         weights: HeadWeights,
         targets: &Arc<[u32]>,
         epsilon: f32,
-    ) -> Vec<f64> {
+    ) -> RowLosses {
         check_targets([x_sd.dims()[0], weights.weight_dv.dims()[1]], targets);
         match self {
             Kernels::Own => {

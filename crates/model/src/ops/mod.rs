@@ -39,7 +39,7 @@ pub use kernels::{HalfFloat, Kernels, adamw, nearest, sum_of_squares};
 pub use layout::{BlockSequence, CrossLayout, LayoutError, SequenceLayout};
 pub use operands::{
     Activation, AttentionOptions, AttentionWeights, Convolution, CrossOptions, FeedForwardWeights,
-    HeadWeights, Taps,
+    HeadWeights, RowLosses, Taps,
 };
 pub use own::{AdamWStep, vectors};
 pub use plain::{Joining, KeyValues};

@@ -90,6 +90,15 @@ pub struct HeadWeights {
     pub weight_dv: Tensor<2>,
 }
 
+/// The results of the head for s rows, outside autodiff.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RowLosses {
+    /// Cross-entropy of each row, in nats, `[s]`.
+    pub nats: Vec<f64>,
+    /// The column of the largest logit of each row, `[s]`.
+    pub likeliest: Vec<u32>,
+}
+
 /// The activation between the two products of a feed-forward layer of f hidden features.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Activation {

@@ -82,15 +82,12 @@ impl Embeddings {
         Self { values, dim: self.dim }
     }
 
-    /// Whether both come from evaluators of one width.
-    fn beside(&self, other: &Self) -> Result<(), ScoreError> {
-        let (left, right) = (self.dim, other.dim);
-        if left == right { Ok(()) } else { Err(ScoreError::Widths { left, right }) }
-    }
-
-    /// Whether each has a partner in `motions`.
+    /// Whether each has a partner of its width in `motions`.
     fn paired_with(&self, motions: &Self) -> Result<(), ScoreError> {
-        self.beside(motions)?;
+        let (left, right) = (self.dim, motions.dim);
+        if left != right {
+            return Err(ScoreError::Widths { left, right });
+        }
         let (texts, motions) = (self.len(), motions.len());
         if texts == motions { Ok(()) } else { Err(ScoreError::Unpaired { texts, motions }) }
     }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use rand_chacha::ChaCha8Rng;
 
-use crate::draws::{below, stream, unit};
+use crate::draws::{below, stream, unit, weighted};
 use crate::files::FileError;
 use crate::files::columns::{ColumnFile, NewColumn};
 use crate::progress::moved;
@@ -95,15 +95,12 @@ impl LengthEstimator {
         [classes, NewColumn::new(HIDDEN, &self.hidden), NewColumn::new(OUTPUT, &self.output)]
     }
 
-    /// Reads it from the file of a data set's captions; `None` if an older version wrote the file.
+    /// Reads it from the file of a data set's captions.
     ///
     /// # Errors
-    /// [`FileError::Read`] and [`FileError::Damaged`].
-    pub fn open(path: &Path) -> Result<Option<Self>, FileError> {
+    /// [`FileError::Read`] and [`FileError::Damaged`]: a file of an older version has no estimator.
+    pub fn open(path: &Path) -> Result<Self, FileError> {
         let file = ColumnFile::open(path)?;
-        if !file.has(HIDDEN) {
-            return Ok(None);
-        }
         let column = |name| Ok::<_, FileError>(file.column::<f32>(name)?.values().to_vec());
         let classes = file.column::<u32>(CLASSES)?.values().try_into();
         let classes = classes.map_err(|_| file.damaged("its length estimator has no classes"))?;
@@ -114,7 +111,7 @@ impl LengthEstimator {
             && own.hidden.len() == N_HIDDEN * (dim + 1)
             && !own.output.is_empty()
             && own.output.len().is_multiple_of(N_HIDDEN + 1);
-        if is_sound { Ok(Some(own)) } else { Err(file.damaged("its length estimator is cut")) }
+        if is_sound { Ok(own) } else { Err(file.damaged("its length estimator is cut")) }
     }
 
     /// The probability of each class for a caption's vectors, `[n_words, dim]` row-major.
@@ -125,14 +122,9 @@ impl LengthEstimator {
 
     /// A length in frames, drawn from these probabilities as in MoMask.
     pub fn draw(&self, vectors: &[f32], rng: &mut ChaCha8Rng) -> usize {
-        let probabilities = self.probabilities(vectors);
-        let mut left = unit(rng) as f32;
-        let drawn = probabilities.iter().position(|probability| {
-            left -= probability;
-            left < 0.0
-        });
         let [unit, first] = self.classes.map(|n| n as usize);
-        (first + drawn.unwrap_or(probabilities.len() - 1)) * unit
+        let probabilities = self.probabilities(vectors);
+        (first + weighted(probabilities.iter().map(|&p| f64::from(p)), rng)) * unit
     }
 }
 
@@ -307,8 +299,9 @@ mod tests {
             columns::write(&path, columns, Some(("dim", dim.to_string()))).unwrap();
             LengthEstimator::open(&path)
         };
-        assert_eq!(write(&estimator.columns(), "3").unwrap(), Some(estimator.clone()));
-        assert_eq!(write(&[NewColumn::new("words", &[0u64])], "3").unwrap(), None);
+        assert_eq!(write(&estimator.columns(), "3").unwrap(), estimator);
+        let error = write(&[NewColumn::new("words", &[0u64])], "3").unwrap_err().to_string();
+        assert!(error.contains("its column `lengths.classes` is missing"), "{error}");
         let error = write(&estimator.columns(), "4").unwrap_err().to_string();
         assert!(error.contains("its length estimator is cut"), "{error}");
     }

@@ -4,8 +4,8 @@
 //! Columns: `embeddings` (f32), `words` (u64, the start of each distinct caption, in words, and the end), and for each
 //! split `<split>.captions` (u32, distinct captions, clip by clip) and `<split>.offsets` (u64, the start of each clip's
 //! captions, and the end); `training_words` (u64, sorted, a hash of each word of the captions of the training split;
-//! files of older versions have none); the [`LengthEstimator`], if there are training clips and
-//! the version is not older; `dim` in the metadata.
+//! files of older versions have none); the [`LengthEstimator`], if there are training clips
+//! (files of older versions have none); `dim` in the metadata.
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};

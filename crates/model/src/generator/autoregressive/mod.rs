@@ -125,11 +125,25 @@ pub fn split_loss(model: &Model, inputs: &Inputs, split: Split) -> SplitLoss {
         });
         let sequences: Vec<Sequence> = sequences.collect();
         let batch = Batch::pack(&sequences, text.dim(), end_token(tokens.n_vocab()));
-        let nats = model.nll(&batch);
-        sums.add(0, (&nats, &batch.targets), clips.map(|clip| (clip, to(clip))));
+        let losses = model.nll(&batch);
+        sums.add(0, (&losses.nats, &batch.targets), clips.clone().map(|clip| (clip, to(clip))));
+        let mut likeliest = &losses.likeliest[..];
+        for clip in clips {
+            count_clip(&mut sums, clip, &likeliest[..to(clip)]);
+            likeliest = &likeliest[to(clip)..];
+        }
         moved();
     }
     sums.loss()
+}
+
+/// Counts the likeliest ids in the places of a clip, scale after scale; its end token is last, if it has one.
+fn count_clip(sums: &mut SplitSums, clip: usize, mut likeliest: &[u32]) {
+    for scale in 0..sums.tokens.grid().scales.len() {
+        let (own, later) = likeliest.split_at(sums.tokens.scale(sums.split, clip, scale).len());
+        sums.count(scale, own);
+        likeliest = later;
+    }
 }
 
 // Samples motions from the transformer, one code at a time.

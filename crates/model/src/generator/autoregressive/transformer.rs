@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::generator::Network;
 use crate::generator::stack::{Backbone, Block, EPSILON, Growing, kernels_of, packed, padded};
 use crate::learn::params::{constant, normal};
-use crate::ops::{HeadWeights, Kernels, SequenceLayout};
+use crate::ops::{HeadWeights, Kernels, RowLosses, SequenceLayout};
 use crate::spec::{ModelShape, Precision, RunSpec};
 
 /// The id of the end token, after the codes; the pad token is one more.
@@ -92,8 +92,8 @@ impl Model {
         }
     }
 
-    /// −ln p of each target of the batch, in nats.
-    pub fn nll(&self, batch: &Batch) -> Vec<f64> {
+    /// −ln p of each target of the batch, in nats, and the likeliest id in its place.
+    pub fn nll(&self, batch: &Batch) -> RowLosses {
         let kernels = self.backbone.kernels;
         kernels.head_nll(self.features(batch), self.head(), &batch.targets, EPSILON)
     }

@@ -184,7 +184,9 @@ pub fn bound(model: &Model, inputs: &Inputs, sums: &mut SplitSums) {
             });
             let hidden: Vec<Hidden> = hidden.collect();
             let batch = pack(&hidden, inputs.text.dim());
-            let mut own = model.nll(&batch).into_iter();
+            let losses = model.nll(&batch);
+            sums.count(0, &losses.likeliest);
+            let mut own = losses.nats.into_iter();
             for (clip, hidden) in clips.clone().zip(&hidden) {
                 // The mean over hidden codes is used for every code of the clip.
                 let n_hidden = hidden.targets.len();

@@ -13,7 +13,7 @@ use crate::codes::Grid;
 use crate::generator::Network;
 use crate::generator::stack::{Backbone, Block, EPSILON, heads_loss, heads_nll, kernels_of};
 use crate::learn::params::{constant, normal};
-use crate::ops::HeadWeights;
+use crate::ops::{HeadWeights, RowLosses};
 use crate::spec::{GeneratorSpec, Precision, RunSpec, ScalewiseSpec};
 
 /// All parameters of the model.
@@ -102,8 +102,8 @@ impl Model {
         &self.places
     }
 
-    /// −ln p of each supervised code of each scale, in nats.
-    pub fn nll(&self, batch: &Batch) -> Vec<Vec<f64>> {
+    /// −ln p of each supervised code of each scale, in nats, and the likeliest code in its place.
+    pub fn nll(&self, batch: &Batch) -> Vec<RowLosses> {
         let x_nd = self.features(batch);
         heads_nll(self.backbone.kernels, &x_nd, &batch.targets, |scale| self.head(scale))
     }

@@ -12,13 +12,19 @@ use super::matmul::{Target, multiply};
 use super::panels::{Panels, View};
 use super::rows::dot;
 use super::vectors::vectorised;
-use crate::ops::HeadWeights;
+use crate::ops::{HeadWeights, RowLosses};
 
-/// Cross-entropy of each row, in nats; see [`Kernels::head_nll`](crate::ops::Kernels::head_nll).
-pub fn head_nll(head: HeadLoss, x_sd: Tensor<2>, weights: HeadWeights) -> Vec<f64> {
+/// See [`Kernels::head_nll`](crate::ops::Kernels::head_nll).
+pub fn head_nll(head: HeadLoss, x_sd: Tensor<2>, weights: HeadWeights) -> RowLosses {
     let [x, weight] = [x_sd, weights.weight_dv].map(|x| x.without_autodiff().into_dispatch());
     let gamma = weights.gamma_d.without_autodiff().into_dispatch();
-    sums_of_parts(Tensor::<2>::from_dispatch(Dispatch::nll_of_rows(head, x, gamma, weight)))
+    let data =
+        Tensor::<2>::from_dispatch(Dispatch::rows_of_head(head, x, gamma, weight)).into_data();
+    let rows = data.as_slice::<f32>().expect("the own operations compute in f32").as_chunks().0;
+    RowLosses {
+        nats: rows.iter().map(|&[large, small, _]| sum_of([large, small])).collect(),
+        likeliest: rows.iter().map(|&[_, _, id]| id as u32).collect(),
+    }
 }
 
 /// See [`nearest`](crate::ops::nearest()).
@@ -31,7 +37,9 @@ pub fn nearest(latents_nc: &Tensor<2>, codes_vc: &Tensor<2>) -> Vec<u32> {
 
 /// Σ x².
 pub fn sum_of_squares(x: Tensor<1>) -> f64 {
-    sums_of_parts(Tensor::<1>::from_dispatch(Dispatch::square_sum_of(x.into_dispatch())))[0]
+    let data = Tensor::<1>::from_dispatch(Dispatch::square_sum_of(x.into_dispatch())).into_data();
+    let parts = data.as_slice::<f32>().expect("the own operations compute in f32");
+    sum_of([parts[0], parts[1]])
 }
 
 /// See [`adamw`](crate::ops::adamw).
@@ -47,18 +55,21 @@ pub fn adamw(
     (Tensor::from_dispatch(value), [first, second].map(Tensor::from_dispatch))
 }
 
-/// Numbers that come as a large and a small part each.
-fn sums_of_parts<const D: usize>(parts: Tensor<D>) -> Vec<f64> {
-    let data = parts.into_data();
-    let parts = data.as_slice::<f32>().expect("the own operations compute in f32");
-    parts.as_chunks().0.iter().map(|&[large, small]| f64::from(large) + f64::from(small)).collect()
+/// A number as the nearest `f32` and the remainder, since a tensor holds `f32`.
+fn parts(x: f64) -> [f32; 2] {
+    [x as f32, (x - f64::from(x as f32)) as f32]
+}
+
+/// The number of its parts.
+fn sum_of([large, small]: [f32; 2]) -> f64 {
+    f64::from(large) + f64::from(small)
 }
 
 /// Operations outside autodiff.
 #[backend_extension(Flex)]
 trait Detached: Backend {
-    /// The rows' losses, each as a large and a small part, since a tensor holds `f32`: `[s, 2]`.
-    fn nll_of_rows(
+    /// The two parts of each row's loss and its likeliest column, `[s, 3]`.
+    fn rows_of_head(
         head: HeadLoss,
         x_sd: FloatTensor<Self>,
         gamma_d: FloatTensor<Self>,
@@ -71,7 +82,7 @@ trait Detached: Backend {
         codes_vc: FloatTensor<Self>,
     ) -> FloatTensor<Self>;
 
-    /// Σ x², as a large and a small part: `[2]`.
+    /// The two parts of Σ x², `[2]`.
     fn square_sum_of(x: FloatTensor<Self>) -> FloatTensor<Self>;
 
     /// The value and both moments after a step; see [`AdamWStep`].
@@ -84,21 +95,19 @@ trait Detached: Backend {
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
 }
 
-/// Numbers, each as the nearest `f32` and the remainder.
-fn parts(numbers: &[f64]) -> Vec<f32> {
-    let parts = |&x: &f64| [x as f32, (x - f64::from(x as f32)) as f32];
-    numbers.iter().flat_map(parts).collect()
-}
-
 impl Detached for Flex {
-    fn nll_of_rows(
+    fn rows_of_head(
         head: HeadLoss,
         x_sd: FlexTensor,
         gamma_d: FlexTensor,
         weight_dv: FlexTensor,
     ) -> FlexTensor {
-        let losses = head.rows_losses([x_sd, gamma_d, weight_dv]);
-        tensor(parts(&losses), [losses.len(), 2])
+        let found = head.rows_losses([x_sd, gamma_d, weight_dv]);
+        let rows = found.nats.iter().zip(&found.likeliest).flat_map(|(&nats, &id)| {
+            let [large, small] = parts(nats);
+            [large, small, id as f32]
+        });
+        tensor(rows.collect(), [found.nats.len(), 3])
     }
 
     fn ids_of_nearest(latents_nc: FlexTensor, codes_vc: FlexTensor) -> FlexTensor {
@@ -110,7 +119,7 @@ impl Detached for Flex {
 
     fn square_sum_of(x: FlexTensor) -> FlexTensor {
         let total = square_sum(elements(&contiguous(x)));
-        tensor(parts(&[total]), [2])
+        tensor(parts(total).into(), [2])
     }
 
     fn adamw_step(

@@ -17,6 +17,7 @@ use super::panels::{Panels, View};
 use super::rows::{exp, max, rms_norm, rms_norm_back, sum_of_exp};
 use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};
+use crate::ops::RowLosses;
 
 /// The head's loss, of x, γ and W; keeps the gradients, which are made on the way forward. See
 /// [`Kernels::head_loss`](crate::ops::Kernels::head_loss).
@@ -32,8 +33,8 @@ impl HeadLoss {
         Head { x, gamma, weight, epsilon: self.epsilon, targets: &self.targets }
     }
 
-    /// The rows' losses, outside autodiff.
-    pub fn rows_losses(&self, inputs: [FlexTensor; 3]) -> Vec<f64> {
+    /// The rows' losses and likeliest columns, outside autodiff.
+    pub fn rows_losses(&self, inputs: [FlexTensor; 3]) -> RowLosses {
         self.head(&inputs.map(contiguous)).losses(false).0
     }
 }
@@ -43,7 +44,7 @@ impl Operation<3> for HeadLoss {
 
     fn forward(&self, inputs: &[FlexTensor; 3], keep: bool) -> (FlexTensor, Option<Self::Kept>) {
         let (losses, gradients) = self.head(inputs).losses(keep);
-        let mean = losses.iter().sum::<f64>() / losses.len() as f64;
+        let mean = losses.nats.iter().sum::<f64>() / losses.nats.len() as f64;
         (tensor(vec![mean as f32], [1]), gradients)
     }
 
@@ -119,9 +120,9 @@ impl Head<'_> {
         chunks(n, width)
     }
 
-    /// −ln p of each row's target, in nats, and, if they are wanted, the gradients of their mean by x, γ
-    /// and W.
-    fn losses(&self, wants_gradients: bool) -> (Vec<f64>, Option<[Buffer; 3]>) {
+    /// −ln p of each row's target, in nats, with the gradients of their mean by x, γ and W if they are wanted, and
+    /// otherwise with each row's likeliest column.
+    fn losses(&self, wants_gradients: bool) -> (RowLosses, Option<[Buffer; 3]>) {
         let (n, d, v) = (self.targets.len(), self.d(), self.n_vocab());
         let there = Panels::of(View::new(self.weight, v), d, v);
         let columns = self.blocks().map(|block| stride(&block));
@@ -138,18 +139,19 @@ impl Head<'_> {
             panels: Panels::default(),
             by: [self.x.len(), d, d * v].map(Buffer::zeros),
         });
-        let mut losses = Vec::with_capacity(n);
+        let mut losses = RowLosses::default();
         for rows in chunks(n, CHUNK) {
             self.look(&rows, &there, &mut room, wants_gradients);
-            losses.extend(room.sums.iter().map(LogSum::loss));
-            if let Some(learning) = &mut learning {
-                self.learn(&rows, &mut room, learning);
+            losses.nats.extend(room.sums.iter().map(LogSum::loss));
+            match &mut learning {
+                Some(learning) => self.learn(&rows, &mut room, learning),
+                None => losses.likeliest.extend(room.sums.iter().map(|sum| sum.likeliest)),
             }
         }
         (losses, learning.map(|learning| learning.by))
     }
 
-    /// Normalises a chunk and sums its softmax; keeps its logits if `keep` asks for it.
+    /// Normalises a chunk and sums its softmax; keeps its logits if `keep` asks for it, and otherwise finds the largest.
     fn look(&self, rows: &Range<usize>, panels: &Panels, room: &mut Room, keep: bool) {
         let (d, count) = (self.d(), rows.len());
         let Room { normed, logits, inverses, sums } = room;
@@ -161,7 +163,7 @@ impl Head<'_> {
             let logits = &mut logits[start..][..count * stride(&block)];
             let target = Target::new(logits, stride(&block));
             multiply_part(target, count, View::new(normed, d), panels, block.clone(), 0..d, false);
-            add_block(logits, block, &self.targets[rows.clone()], sums);
+            add_block(logits, block, &self.targets[rows.clone()], sums, !keep);
         }
     }
 
@@ -203,11 +205,13 @@ struct LogSum {
     sum: f64,
     /// The logit of the target, once seen.
     target: f32,
+    /// The first column of the largest logit, if it is looked for.
+    likeliest: u32,
 }
 
 impl Default for LogSum {
     fn default() -> Self {
-        Self { largest: f32::MIN, sum: 0.0, target: f32::NAN }
+        Self { largest: f32::MIN, sum: 0.0, target: f32::NAN, likeliest: 0 }
     }
 }
 
@@ -222,31 +226,38 @@ impl LogSum {
         self.normaliser() - f64::from(self.target)
     }
 
-    /// Takes the next logits of the row.
+    /// Takes the next logits of the row; whether one of them is the largest so far.
     #[inline(always)]
-    fn add<L: Lanes>(&mut self, logits: &[f32]) {
+    fn add<L: Lanes>(&mut self, logits: &[f32]) -> bool {
         let largest = max::<L>(logits);
-        if largest > self.largest {
+        let is_larger = largest > self.largest;
+        if is_larger {
             self.sum *= (f64::from(self.largest) - f64::from(largest)).exp();
             self.largest = largest;
         }
         self.sum += f64::from(sum_of_exp::<L>(logits, self.largest));
+        is_larger
     }
 }
 
 vectorised! {
-    /// Adds a block of columns, of as many rows as there are sums, with or without padding.
+    /// Adds a block of columns, of as many rows as there are sums, with or without padding; looks for the place of the
+    /// largest logit if `find` asks for it.
     fn add_block(
         logits: &[f32],
         columns: Range<usize>,
         targets: &[u32],
         sums: &mut [LogSum],
+        find: bool,
     ) {
         let stride = logits.len() / targets.len();
         let rows = logits.chunks_exact(stride).zip(targets).zip(sums);
         for ((row, &target), sum) in rows {
             let row = &row[..columns.len()];
-            sum.add::<L>(row);
+            if sum.add::<L>(row) && find {
+                let at = row.iter().position(|&logit| logit == sum.largest).expect("it was met");
+                sum.likeliest = (columns.start + at) as u32;
+            }
             let within = (target as usize).checked_sub(columns.start);
             if let Some(&logit) = within.and_then(|i| row.get(i)) {
                 sum.target = logit;

@@ -9,7 +9,7 @@ mod attention;
 use burn::tensor::activation::{log_softmax, relu, silu};
 use burn::tensor::{Device, FloatDType, Int, Tensor, TensorData};
 
-use super::{Activation, AdamWStep, Convolution, FeedForwardWeights, HeadWeights, Taps};
+use super::{Activation, AdamWStep, Convolution, FeedForwardWeights, HeadWeights, RowLosses, Taps};
 
 pub use attention::{Joining, KeyValues, attend, attention_half, cross_attend};
 
@@ -100,10 +100,15 @@ pub fn cross_entropy(logits_nv: Tensor<2>, targets: &[u32]) -> Tensor<1> {
     log_likelihoods(logits_nv, targets).mean().neg()
 }
 
-/// Cross-entropy of each row, in nats.
-pub fn nll(logits_nv: Tensor<2>, targets: &[u32]) -> Vec<f64> {
-    let data = log_likelihoods(logits_nv.without_autodiff(), targets).into_data();
-    data.iter::<f64>().map(|log_likelihood| -log_likelihood).collect()
+/// Cross-entropy and likeliest column of each row.
+pub fn nll(logits_nv: Tensor<2>, targets: &[u32]) -> RowLosses {
+    let logits_nv = logits_nv.without_autodiff();
+    let likeliest = logits_nv.clone().argmax(1).into_data();
+    let data = log_likelihoods(logits_nv, targets).into_data();
+    RowLosses {
+        nats: data.iter::<f64>().map(|log_likelihood| -log_likelihood).collect(),
+        likeliest: likeliest.iter::<i64>().map(|id| id as u32).collect(),
+    }
 }
 
 /// ln p(target) of each row: `[n, 1]`.

@@ -147,7 +147,7 @@ fn giving(logits: &[f32]) -> (Tensor<2>, HeadWeights) {
 
 fn nll(kernels: Kernels, logits: &[f32], target: u32) -> f64 {
     let (x, weights) = giving(logits);
-    kernels.head_nll(x, weights, &Arc::from([target]), 0.0)[0]
+    kernels.head_nll(x, weights, &Arc::from([target]), 0.0).nats[0]
 }
 
 #[test]
@@ -175,25 +175,37 @@ fn huge_logits_give_finite_and_right_gradients() {
 #[test]
 fn equal_logits_cost_the_logarithm_of_the_vocabulary() {
     for n_vocab in [1usize, 7, 512, 64_000] {
-        let loss = nll(Kernels::Own, &vec![-3.25; n_vocab], n_vocab as u32 - 1);
+        let (x, weights) = giving(&vec![-3.25; n_vocab]);
+        let found = Kernels::Own.head_nll(x, weights, &Arc::from([n_vocab as u32 - 1]), 0.0);
+        let loss = found.nats[0];
         assert!((loss - (n_vocab as f64).ln()).abs() < 1e-6, "{n_vocab}: {loss}");
+        assert_eq!(found.likeliest, [0], "the first of equals");
     }
 }
 
 #[test]
-fn rows_losses_match_double_precision_and_average_to_the_mean() {
+fn rows_losses_and_likeliest_columns_match_double_precision() {
     let (n, d, n_vocab) = (300, 3, 1003);
     let (x, gamma, weight) = (input(n, d, 21), input(1, d, 22), input(d, n_vocab, 23));
     let targets: Arc<[u32]> = (0..n as u32).map(|i| i * 101 % 1003).collect();
-    let right: Vec<f64> = (0..n).map(|i| double_nll(&x, &gamma, &weight, i, targets[i])).collect();
+    let logits: Vec<Vec<f64>> = (0..n).map(|i| double_logits(&x, &gamma, &weight, i)).collect();
+    let nll = |(logits, target): (&Vec<f64>, &u32)| {
+        logits.iter().map(|logit| logit.exp()).sum::<f64>().ln() - logits[*target as usize]
+    };
+    let right: Vec<f64> = logits.iter().zip(&*targets).map(nll).collect();
     let device = Device::flex().autodiff();
     for kernels in [Kernels::Own, Kernels::Plain] {
         let weights = || HeadWeights {
             gamma_d: tensor(&gamma, &device).reshape([d]),
             weight_dv: tensor(&weight, &device),
         };
-        let nll = kernels.head_nll(tensor(&x, &device), weights(), &targets, 0.0);
-        let worst = nll.iter().zip(&right).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let found = kernels.head_nll(tensor(&x, &device), weights(), &targets, 0.0);
+        for (logits, id) in logits.iter().zip(&found.likeliest) {
+            let largest = logits.iter().copied().fold(f64::MIN, f64::max);
+            assert!(largest - logits[*id as usize] < 4e-6, "{kernels:?}: {id}");
+        }
+        assert_eq!(found.likeliest.len(), n);
+        let worst = found.nats.iter().zip(&right).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(worst < 4e-6, "{kernels:?}: {worst:e}");
         let mean = values(kernels.head_loss(tensor(&x, &device), weights(), &targets, 0.0))[0];
         let right = right.iter().sum::<f64>() / n as f64;
@@ -201,15 +213,14 @@ fn rows_losses_match_double_precision_and_average_to_the_mean() {
     }
 }
 
-fn double_nll(x: &Input, gamma: &Input, weight: &Input, i: usize, target: u32) -> f64 {
+/// The logits of row i.
+fn double_logits(x: &Input, gamma: &Input, weight: &Input, i: usize) -> Vec<f64> {
     let [d, n_vocab] = weight.shape;
     let row: Vec<f64> = x.values[i * d..][..d].iter().map(|&x| f64::from(x)).collect();
     let rms = (row.iter().map(|x| x * x).sum::<f64>() / d as f64).sqrt();
     let element = |k: usize, j: usize| f64::from(weight.values[k * n_vocab + j]);
     let normed = |k: usize| row[k] / rms * f64::from(gamma.values[k]);
-    let logit = |j: usize| (0..d).map(|k| normed(k) * element(k, j)).sum::<f64>();
-    let total: f64 = (0..n_vocab).map(|j| logit(j).exp()).sum();
-    total.ln() - logit(target as usize)
+    (0..n_vocab).map(|j| (0..d).map(|k| normed(k) * element(k, j)).sum()).collect()
 }
 
 #[test]

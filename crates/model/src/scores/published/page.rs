@@ -23,7 +23,8 @@ table with its evaluator; `--table NAME` prints one table as CSV; `--out DIR` wr
 Numbers are copied cell by cell as they are printed, with \"±\" where an interval is; they are facts, and no
 sentence of a paper is copied. What a paper shows in figures alone, as the grid behind ScaMo's laws, is not here,
 nor LG-Tok's Table 4g, whose columns the text at hand does not tell. ScaMo prints MPJPE in metres on HumanML3D and in
-millimetres on MotionUnion.
+millimetres on MotionUnion. What LG-Tok calls perplexity is `likeliest_exponential_entropy` of our records:
+[tokenizers.md](tokenizers.md#transformers-and-language) has one of ours beside theirs.
 ";
 
 /// What a column is called on the page.

@@ -13,7 +13,7 @@ use crate::generator::stack::{
     Backbone, Block, EPSILON, Supervised, heads_loss, heads_nll, kernels_of, n_supervised, packed,
 };
 use crate::learn::params::{constant, normal};
-use crate::ops::{HeadWeights, SequenceLayout};
+use crate::ops::{HeadWeights, RowLosses, SequenceLayout};
 use crate::spec::{ModelShape, Precision};
 
 /// A clip that is asked for the codes of a layer.
@@ -201,8 +201,8 @@ impl ResidualModel {
         heads_loss(self.backbone.kernels, &x_nd, &batch.targets, |later| self.head(later))
     }
 
-    /// −ln p of each supervised code of each layer after the first, in nats.
-    pub fn nll(&self, batch: &LayerBatch) -> Vec<Vec<f64>> {
+    /// −ln p of each supervised code of each layer after the first, in nats, and the likeliest code in its place.
+    pub fn nll(&self, batch: &LayerBatch) -> Vec<RowLosses> {
         let x_nd = self.features(batch);
         heads_nll(self.backbone.kernels, &x_nd, &batch.targets, |later| self.head(later))
     }
