@@ -18,7 +18,7 @@ use isoflop::ops::{DeviceName, check_products};
 use isoflop::progress::Step;
 use isoflop::spec::RunSpec;
 use isoflop::spec::{Ffn, Precision};
-use isoflop::spec::{QuantizerSpec, TokenizerSection};
+use isoflop::spec::{QuantizerSpec, TextSpec, TokenizerSection};
 use isoflop::tokenizer;
 
 /// The allowed difference of losses in single precision, as a share: `cuda` multiplies in TF32, whose fraction has as
@@ -109,7 +109,7 @@ fn tokenizers_train_as_on_the_processor() {
         window: Some(40),
         ..Default::default()
     }
-    .spec(QuantizerSpec::default());
+    .spec(QuantizerSpec::default(), &TextSpec::default());
     let losses = |device: &Device| {
         let mut losses = Vec::new();
         let mut note = |Step { loss, .. }: Step| {
