@@ -1,6 +1,7 @@
 //! Training on a GPU, held to training on the processor: `cargo test --release --features wgpu --test
-//! gpu`. Mesa's llvmpipe, a Vulkan driver in software, will do (the package `mesa-vulkan-drivers`).
-#![cfg(any(feature = "wgpu", feature = "vulkan"))]
+//! gpu`. Mesa's llvmpipe, a Vulkan driver in software, will do (the package `mesa-vulkan-drivers`). Of several devices in
+//! a build, `cuda` is tested before `wgpu`, and `vulkan` last.
+#![cfg(any(feature = "wgpu", feature = "vulkan", feature = "cuda"))]
 
 #[path = "support/corpus.rs"]
 mod corpus;
@@ -8,23 +9,31 @@ mod corpus;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use burn::tensor::{Device, DeviceKind, FloatDType};
+use burn::tensor::{Device, FloatDType};
 use corpus::{Clips, Corpus, small_run};
 use isoflop::data::{Procedural, ProceduralOptions};
 use isoflop::generator::{self, Training};
 use isoflop::learn::Checkpoints;
-use isoflop::ops::check_products;
+use isoflop::ops::{DeviceName, check_products};
 use isoflop::progress::Step;
 use isoflop::spec::RunSpec;
 use isoflop::spec::{Ffn, Precision};
-use isoflop::spec::{QuantizerSpec, TokenizerSection};
-use isoflop::tokenizer::{self, Corpus};
+use isoflop::spec::{QuantizerSpec, TextSpec, TokenizerSection};
+use isoflop::tokenizer;
+
+/// The allowed difference of losses in single precision, as a share: `cuda` multiplies in TF32, whose fraction has as
+/// many bits as that of `f16`.
+const SINGLE: f64 = if cfg!(feature = "cuda") { 1e-2 } else { 1e-5 };
 
 fn gpu() -> Device {
-    #[cfg(feature = "wgpu")]
-    return Device::wgpu(DeviceKind::DefaultDevice);
-    #[cfg(not(feature = "wgpu"))]
-    Device::vulkan(DeviceKind::DefaultDevice)
+    let name = if cfg!(feature = "cuda") {
+        DeviceName::Cuda
+    } else if cfg!(feature = "wgpu") {
+        DeviceName::Wgpu
+    } else {
+        DeviceName::Vulkan
+    };
+    name.open().expect("a device of this build")
 }
 
 /// The losses of all steps, and at the end that on the test split.
@@ -43,7 +52,7 @@ fn losses(spec: &RunSpec, device: &Device) -> Vec<f64> {
         ControlFlow::Continue(())
     };
     let trained = generator::train(
-        &Training { spec, inputs: &corpus.inputs(), device: device, checkpoints: &checkpoints },
+        &Training { spec, inputs: &corpus.inputs(), device, checkpoints: &checkpoints },
         &mut note,
     );
     losses.push(trained.expect("an ordinary run").test.loss_nats);
@@ -68,7 +77,7 @@ fn models_train_as_on_the_processor() {
         let mut spec = small_run(40);
         spec.generator.shape_mut().ffn = ffn;
         let off = furthest(&losses(&spec, &gpu()), &losses(&spec, &Device::flex()));
-        assert!(off < 1e-5, "{ffn:?}: off by {off:.1e}");
+        assert!(off < SINGLE, "{ffn:?}: off by {off:.1e}");
     }
 }
 
@@ -100,17 +109,17 @@ fn tokenizers_train_as_on_the_processor() {
         window: Some(40),
         ..Default::default()
     }
-    .spec(QuantizerSpec::default());
+    .spec(QuantizerSpec::default(), &TextSpec::default());
     let losses = |device: &Device| {
         let mut losses = Vec::new();
         let mut note = |Step { loss, .. }: Step| {
             losses.push(loss);
             ControlFlow::Continue(())
         };
-        tokenizer::train(&spec, &Corpus::wordless(&source), device, None, &mut note)
+        tokenizer::train(&spec, &tokenizer::Corpus::wordless(&source), device, None, &mut note)
             .expect("an ordinary training");
         losses
     };
     let off = furthest(&losses(&gpu()), &losses(&Device::flex()));
-    assert!(off < 1e-4, "off by {off:.1e}");
+    assert!(off < 10.0 * SINGLE, "off by {off:.1e}");
 }

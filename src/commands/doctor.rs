@@ -64,8 +64,10 @@ pub fn doctor(output: &Output) -> Result<Exit> {
 /// A device that is not in this build is no fault; one that multiplies wrongly is.
 fn device(name: DeviceName) -> Finding {
     let (good, found) = match name.open() {
-        Err(NoDevice::Vectors(error)) => (Some(false), error),
-        Err(_) => (None, format!("not in this build; --features {}", name.name())),
+        Err(NoDevice::NotInBuild(_)) => {
+            (None, format!("not in this build; --features {}", name.name()))
+        }
+        Err(error) => (Some(false), error.to_string()),
         Ok(device) => match check_products(&device) {
             Ok(()) => (Some(true), "in this build, and multiplies correctly".to_string()),
             Err(error) => (Some(false), error.to_string()),

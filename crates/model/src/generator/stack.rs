@@ -111,8 +111,7 @@ impl Backbone {
         layout: &Arc<SequenceLayout>,
     ) -> Tensor<2> {
         let (layout, rope) = (layout.clone(), self.rope.clone());
-        let options =
-            AttentionOptions { n_head: self.shape.n_head, layout, rope, epsilon: EPSILON };
+        let options = AttentionOptions::new(self.shape.n_head, layout, rope, EPSILON);
         blocks.iter().fold(x_nd, |x_nd, block| {
             let x_nd = self.kernels.attention(x_nd, block.attention(), &options);
             self.feed_forward(block, x_nd)

@@ -30,6 +30,12 @@ pub enum NoDevice {
     /// `ISOFLOP_VECTORS` names no vectors of this processor.
     #[error("{0}")]
     Vectors(String),
+    /// A part of CUDA is not installed.
+    #[error(
+        "this machine has no {0}: the device cuda needs NVIDIA's driver and, of a CUDA toolkit, NVRTC and \
+         the headers; install the toolkit, and name its folder in CUDA_PATH unless it is /usr/local/cuda"
+    )]
+    NoCuda(&'static str),
 }
 
 impl DeviceName {
@@ -63,7 +69,7 @@ impl DeviceName {
     /// The device.
     ///
     /// # Errors
-    /// This build does not have it, or `ISOFLOP_VECTORS` names no vectors of this processor.
+    /// This build does not have it, `ISOFLOP_VECTORS` names no vectors of this processor, or a part of CUDA is missing.
     pub fn open(self) -> Result<Device, NoDevice> {
         match self {
             Self::Flex => vectors().map(|_| Device::flex()).map_err(NoDevice::Vectors),
@@ -74,10 +80,25 @@ impl DeviceName {
             #[cfg(feature = "vulkan")]
             Self::Vulkan => Ok(Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
             #[cfg(feature = "cuda")]
-            Self::Cuda => Ok(Device::cuda(0)),
+            Self::Cuda => cuda(),
             #[cfg(not(all(feature = "wgpu", feature = "vulkan", feature = "cuda")))]
             missing => Err(NoDevice::NotInBuild(missing.name())),
         }
+    }
+}
+
+/// The first NVIDIA GPU. burn panics if a part of CUDA is missing, so they are looked for first.
+#[cfg(feature = "cuda")]
+fn cuda() -> Result<Device, NoDevice> {
+    // SAFETY: loading the libraries runs their initialisers, which need nothing of this process.
+    let (driver, nvrtc) = unsafe {
+        (cudarc::driver::sys::is_culib_present(), cudarc::nvrtc::sys::is_culib_present())
+    };
+    let headers = cubecl_cuda::install::cuda_path().is_some();
+    let parts = [(driver, "libcuda"), (nvrtc, "libnvrtc"), (headers, "CUDA toolkit")];
+    match parts.into_iter().find(|(is_there, _)| !is_there) {
+        Some((_, missing)) => Err(NoDevice::NoCuda(missing)),
+        None => Ok(Device::cuda(0)),
     }
 }
 

@@ -29,6 +29,7 @@ mod kernels;
 mod layout;
 mod operands;
 mod own;
+mod padded;
 mod plain;
 mod rope;
 #[cfg(test)]

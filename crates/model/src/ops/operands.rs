@@ -3,8 +3,9 @@
 
 use std::sync::Arc;
 
-use burn::tensor::Tensor;
+use burn::tensor::{Device, Tensor};
 
+use super::padded::{PaddedBatch, PaddedPair, Placed};
 use super::{CrossLayout, Rope, SequenceLayout};
 
 /// The arguments of attention, besides tensors.
@@ -17,9 +18,21 @@ pub struct AttentionOptions {
     pub rope: Arc<Rope>,
     /// RMSNorm's ε.
     pub epsilon: f32,
+    /// The layout as burn's operations take it.
+    placed: Placed<PaddedBatch>,
 }
 
 impl AttentionOptions {
+    /// Those of the layers of one batch, which share the layout's tensors.
+    pub fn new(n_head: usize, layout: Arc<SequenceLayout>, rope: Arc<Rope>, epsilon: f32) -> Self {
+        Self { n_head, layout, rope, epsilon, placed: Placed::default() }
+    }
+
+    /// The layout of the padded batch, on a device.
+    pub(super) fn padded(&self, device: &Device) -> PaddedBatch {
+        self.placed.on(device, || PaddedBatch::new(&self.layout, &self.rope, device))
+    }
+
     /// Checks the shapes of rows, and of the weight of `[q | k | v]`.
     pub(super) fn check(&self, [n, d]: [usize; 2], [_, columns]: [usize; 2]) {
         let Self { n_head, layout, rope, .. } = self;
@@ -41,12 +54,24 @@ pub struct CrossOptions {
     pub layout: Arc<CrossLayout>,
     /// Angles of the queries of a sequence, and of the rows of its memory; none are turned without.
     pub ropes: Option<[Arc<Rope>; 2]>,
+    /// The layout as burn's operations take it.
+    placed: Placed<PaddedPair>,
 }
 
 impl CrossOptions {
+    /// Those of the layers of one batch, which share the layout's tensors.
+    pub fn new(n_head: usize, layout: Arc<CrossLayout>, ropes: Option<[Arc<Rope>; 2]>) -> Self {
+        Self { n_head, layout, ropes, placed: Placed::default() }
+    }
+
+    /// The layout of padded queries and memories, on a device.
+    pub(super) fn padded(&self, device: &Device) -> PaddedPair {
+        self.placed.on(device, || PaddedPair::new(&self.layout, self.ropes.as_ref(), device))
+    }
+
     /// Sees that shapes fit them: of queries, and of `[k | v]`.
     pub(super) fn check(&self, [n, d]: [usize; 2], [m, columns]: [usize; 2]) {
-        let Self { n_head, layout, ropes } = self;
+        let Self { n_head, layout, ropes, .. } = self;
         let rows = [layout.n_queries(), layout.n_memory()];
         assert_eq!([n, m], rows, "cross_attend: queries and memory of the layout");
         assert_eq!(columns, 2 * d, "cross_attend: [k | v] beside queries of {d} columns");

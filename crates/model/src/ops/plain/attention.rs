@@ -4,13 +4,12 @@
 //! Shapes: n rows, d features, b sequences, h heads, t positions of the longest sequence, c features of a
 //! head.
 
-use std::ops::Range;
-
 use burn::tensor::activation::softmax;
-use burn::tensor::{Bool, Device, Int, Tensor, TensorData};
+use burn::tensor::{Bool, Device, Tensor, TensorData};
 
-use super::{Product, integers, rms_norm};
-use crate::ops::{AttentionOptions, AttentionWeights, CrossOptions, Rope, SequenceLayout};
+use super::{Product, rms_norm};
+use crate::ops::padded::{PaddedBatch, PaddedPair};
+use crate::ops::{AttentionOptions, AttentionWeights, CrossOptions, Rope};
 
 /// Stands for minus infinity in masked scores: e to it is zero, and it is an ordinary number on
 /// devices whose arithmetic has no infinities.
@@ -34,43 +33,20 @@ pub fn attention_half(
 pub fn attend(qkv_n3d: Tensor<2>, options: &AttentionOptions, product: Product) -> Tensor<2> {
     let AttentionOptions { n_head, layout, rope, .. } = options;
     let n_head = *n_head;
-    let device = qkv_n3d.device();
     let (b, t, c) = (layout.n_sequences(), layout.max_len(), rope.head_dim());
     let d = n_head * c;
-    let sequences: Vec<_> = (0..b).map(|i| layout.rows(i)).collect();
-    let padded = qkv_n3d.select(0, rows_of_padded(&sequences, &device));
+    let PaddedBatch { rows, positions, turns, hidden } = options.padded(&qkv_n3d.device());
+    let padded = qkv_n3d.select(0, rows);
     let part_bhtc = |part: usize| {
         let columns = padded.clone().slice([0..b * t, part * d..(part + 1) * d]);
         columns.reshape([b, t, n_head, c]).swap_dims(1, 2)
     };
-    let turns = turns(rope, layout, &device);
     let queries_bhtc = turn(part_bhtc(0), &turns).div_scalar((c as f64).sqrt());
     let scores_bhtt = product.of(queries_bhtc, turn(part_bhtc(1), &turns).swap_dims(2, 3));
-    let hidden_bhtt = hidden(layout, &device).expand([b, n_head, t, t]);
+    let hidden_bhtt = hidden.expand([b, n_head, t, t]);
     let weights_bhtt = softmax(scores_bhtt.mask_fill(hidden_bhtt, MASKED), 3);
     let output = product.of(weights_bhtt, part_bhtc(2)).swap_dims(1, 2).reshape([b * t, d]);
-    output.select(0, padded_of_rows(&sequences, &device))
-}
-
-/// Cosines and sines of the angles of each position of the padded batch, `[b, 1, t, c / 2, 1]`, or of
-/// the first t, `[1, 1, t, c / 2, 1]`, where sequences have no others.
-fn turns(rope: &Rope, layout: &SequenceLayout, device: &Device) -> [Tensor<5>; 2] {
-    let (b, t) = (layout.n_sequences(), layout.max_len());
-    if layout.angles(0).is_none() {
-        return rope.turns(1, &Vec::from_iter(0..t), device);
-    }
-    let place = |(i, q): (usize, usize)| {
-        let angles = layout.angles(i).expect("all sequences have them, or none");
-        angles.get(q).map_or(0, |&angle| angle as usize)
-    };
-    let places: Vec<usize> = (0..b).flat_map(|i| (0..t).map(move |q| (i, q))).map(place).collect();
-    rope.turns(b, &places, device)
-}
-
-/// Turns the pairs of features of the first positions by their rows of `rope`, `[b, h, t, c]`.
-fn rotate(x_bhtc: Tensor<4>, rope: &Rope) -> Tensor<4> {
-    let (places, device) = (Vec::from_iter(0..x_bhtc.dims()[2]), x_bhtc.device());
-    turn(x_bhtc, &rope.turns(1, &places, &device))
+    output.select(0, positions)
 }
 
 /// Turns the pairs of features by angles whose cosines and sines are `[b or 1, 1, t, c / 2, 1]`.
@@ -84,37 +60,6 @@ fn turn(x_bhtc: Tensor<4>, [cos, sin]: &[Tensor<5>; 2]) -> Tensor<4> {
     Tensor::cat(vec![turned_even, turned_odd], 4).reshape([b, h, t, c])
 }
 
-/// Mask of the padded batch, true for hidden pairs: `[b, 1, t, t]`.
-fn hidden(layout: &SequenceLayout, device: &Device) -> Tensor<4, Bool> {
-    let (b, t) = (layout.n_sequences(), layout.max_len());
-    // A padding position, visible to none, sees the first: no row may be fully hidden.
-    let visible = |i: usize, q: usize| if q < layout.len(i) { layout.visible(i, q) } else { 1 };
-    let visible = (0..b).flat_map(|i| (0..t).map(move |q| visible(i, q) as u32));
-    let visible_b1t1 = integers(visible, device).reshape([b, 1, t, 1]);
-    let keys_111t = integers(0..t as u32, device).reshape([1, 1, 1, t]);
-    keys_111t.expand([b, 1, t, t]).greater_equal(visible_b1t1.expand([b, 1, t, t]))
-}
-
-/// The row of each position of sequences that are padded to one length; a sequence's first for padding.
-fn rows_of_padded(sequences: &[Range<usize>], device: &Device) -> Tensor<1, Int> {
-    let t = longest(sequences);
-    let row = |rows: &Range<usize>, q| if q < rows.len() { rows.start + q } else { rows.start };
-    integers(sequences.iter().flat_map(|rows| (0..t).map(move |q| row(rows, q) as u32)), device)
-}
-
-/// The position in the padded batch of each row.
-fn padded_of_rows(sequences: &[Range<usize>], device: &Device) -> Tensor<1, Int> {
-    let starts = (0..).step_by(longest(sequences));
-    let own = |(start, rows): (usize, &Range<usize>)| {
-        (start..start + rows.len()).map(|position| position as u32)
-    };
-    integers(starts.zip(sequences).flat_map(own), device)
-}
-
-fn longest(sequences: &[Range<usize>]) -> usize {
-    sequences.iter().map(Range::len).max().unwrap_or(0)
-}
-
 // Attention to a memory.
 
 /// See [`Kernels::cross_attend`](crate::ops::Kernels::cross_attend): pads queries and memories to one length if they
@@ -125,60 +70,29 @@ pub fn cross_attend(
     options: &CrossOptions,
     product: Product,
 ) -> Tensor<2> {
-    let CrossOptions { n_head, layout, ropes } = options;
-    let ([_, d], device) = (queries_nd.dims(), queries_nd.device());
+    let CrossOptions { n_head, layout, .. } = options;
+    let d = queries_nd.dims()[1];
     let (b, c) = (layout.n_sequences(), d / n_head);
-    let [of_queries, of_memory] =
-        [layout.query_rows().collect::<Vec<_>>(), layout.memory_rows().collect()];
-    let padded_md = pad(key_values_m2d, &of_memory);
+    let PaddedPair { queries: of_queries, memory, hidden, turns } =
+        options.padded(&queries_nd.device());
+    let padded_md = memory.pad(key_values_m2d);
     let by_head = |x_nd: Tensor<2>| {
         let t = x_nd.dims()[0] / b;
         x_nd.reshape([b, t, *n_head, c]).swap_dims(1, 2)
     };
     let part = |part: usize| by_head(padded_md.clone().narrow(1, part * d, d));
-    let (mut queries, mut keys) = (by_head(pad(queries_nd, &of_queries)), part(0));
-    if let Some([at_queries, at_memory]) = ropes {
-        (queries, keys) = (rotate(queries, at_queries), rotate(keys, at_memory));
+    let (mut queries, mut keys) = (by_head(of_queries.pad(queries_nd)), part(0));
+    if let Some([at_queries, at_memory]) = turns {
+        (queries, keys) = (turn(queries, &at_queries), turn(keys, &at_memory));
     }
     let scores = product.of(queries.div_scalar((c as f64).sqrt()), keys.swap_dims(2, 3));
-    let scores = match padding(&of_memory, &device) {
+    let scores = match hidden {
         Some(hidden) => scores.clone().mask_fill(hidden.expand(scores.dims()), MASKED),
         None => scores,
     };
     let mixed = product.of(softmax(scores, 3), part(1)).swap_dims(1, 2);
     let [_, t, ..] = mixed.dims();
-    unpad(mixed.reshape([b * t, d]), &of_queries)
-}
-
-fn is_even(sequences: &[Range<usize>]) -> bool {
-    sequences.iter().all(|rows| rows.len() == sequences[0].len())
-}
-
-/// Pads the rows of sequences to one length with their first row.
-fn pad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
-    if is_even(sequences) {
-        return x_nd;
-    }
-    let rows = rows_of_padded(sequences, &x_nd.device());
-    x_nd.select(0, rows)
-}
-
-/// Removes the padding of [`pad`].
-fn unpad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
-    if is_even(sequences) {
-        return x_nd;
-    }
-    let positions = padded_of_rows(sequences, &x_nd.device());
-    x_nd.select(0, positions)
-}
-
-/// True for padding rows of a memory, `[b, 1, 1, t]`; `None` without padding.
-fn padding(sequences: &[Range<usize>], device: &Device) -> Option<Tensor<4, Bool>> {
-    let t = longest(sequences);
-    let hidden = |rows: &Range<usize>| (0..t).map(|i| i >= rows.len()).collect::<Vec<_>>();
-    let hidden: Vec<bool> = sequences.iter().flat_map(hidden).collect();
-    let data = TensorData::new(hidden, [sequences.len(), 1, 1, t]);
-    (!is_even(sequences)).then(|| Tensor::from_data(data, device))
+    of_queries.unpad(mixed.reshape([b * t, d]))
 }
 
 // Growing sequences: keys and values of earlier positions are cached.

@@ -7,8 +7,9 @@
 mod attention;
 
 use burn::tensor::activation::{log_softmax, relu, silu};
-use burn::tensor::{Device, FloatDType, Int, Tensor, TensorData};
+use burn::tensor::{FloatDType, Tensor};
 
+use super::padded::integers;
 use super::{Activation, AdamWStep, Convolution, FeedForwardWeights, HeadWeights, RowLosses, Taps};
 
 pub use attention::{Joining, KeyValues, attend, attention_half, cross_attend};
@@ -115,12 +116,6 @@ pub fn nll(logits_nv: Tensor<2>, targets: &[u32]) -> RowLosses {
 fn log_likelihoods(logits_nv: Tensor<2>, targets: &[u32]) -> Tensor<2> {
     let targets_n = integers(targets.iter().copied(), &logits_nv.device());
     log_softmax(logits_nv, 1).gather(1, targets_n.unsqueeze_dim(1))
-}
-
-fn integers(values: impl Iterator<Item = u32>, device: &Device) -> Tensor<1, Int> {
-    let values: Vec<i64> = values.map(i64::from).collect();
-    let n = values.len();
-    Tensor::from_data(TensorData::new(values, [n]), device)
 }
 
 // Convolutions over frames: the inputs of the taps are concatenated, and multiplied once.

@@ -146,7 +146,7 @@ fn options(lengths: &[usize], prefixes: &[usize], heads: [usize; 2]) -> Attentio
     let [n_head, head_dim] = heads;
     let layout = Arc::new(SequenceLayout::new(lengths, prefixes).unwrap());
     let rope = Arc::new(Rope::new(layout.max_len(), head_dim, 10_000.0));
-    AttentionOptions { n_head, layout, rope, epsilon: 1e-5 }
+    AttentionOptions::new(n_head, layout, rope, 1e-5)
 }
 
 /// Sequences in blocks, each with its prefix; the angles of a sequence fall and rise.
@@ -160,7 +160,7 @@ fn block_options(sequences: &[(usize, &[usize])], heads: [usize; 2]) -> Attentio
     let sequences: Vec<BlockSequence> = sequences.iter().map(sequence).collect();
     let layout = Arc::new(SequenceLayout::in_blocks(&sequences).unwrap());
     let rope = Arc::new(Rope::new(layout.n_angles(), head_dim, 100.0));
-    AttentionOptions { n_head, layout, rope, epsilon: 1e-5 }
+    AttentionOptions::new(n_head, layout, rope, 1e-5)
 }
 
 fn attention(lengths: &[usize], prefixes: &[usize], n_head: usize, head_dim: usize) -> Case {
@@ -206,7 +206,7 @@ fn cross_attend(sequences: &[[usize; 2]], is_turned: bool, heads: [usize; 2]) ->
     let ropes = is_turned.then(|| [angles(&queries, 1.0), angles(&memory, 3.7)]);
     let d = n_head * head_dim;
     let inputs = vec![input(layout.n_queries(), d, 6), input(layout.n_memory(), 2 * d, 7)];
-    let options = CrossOptions { n_head, layout, ropes };
+    let options = CrossOptions::new(n_head, layout, ropes);
     let name = format!("cross_attend {sequences:?} {heads:?}, turned: {is_turned}");
     Case::new(name, inputs, move |kernels, x| {
         kernels.cross_attend(x[0].clone(), x[1].clone(), &options)

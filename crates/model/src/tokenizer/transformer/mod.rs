@@ -169,7 +169,7 @@ impl TransformerDecoder {
                 let packing = Packing::new([0, f], &vec![0; b], &self.places);
                 let memory = |rows_md, queries: &[usize], counts: &[usize], ropes| {
                     let layout = Arc::new(CrossLayout::new(queries, counts));
-                    Memory { rows_md, options: CrossOptions { n_head, layout, ropes } }
+                    Memory { rows_md, options: CrossOptions::new(n_head, layout, ropes) }
                 };
                 let groups = self.groups(from..from + t, pass);
                 let (words, text_nd) = self.words(b, &groups, pass);

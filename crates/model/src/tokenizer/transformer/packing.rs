@@ -102,7 +102,7 @@ impl Packing {
         let longest = words.iter().copied().max().unwrap_or(0);
         let (layout, rope) =
             (Arc::new(layout), Arc::new(places.rope(n_latents, n_frames, longest)));
-        let options = AttentionOptions { n_head: places.heads, layout, rope, epsilon: EPSILON };
+        let options = AttentionOptions::new(places.heads, layout, rope, EPSILON);
         let order = order.into_iter().map(|row| row as u32).collect();
         Self { n_latents, n_frames, options, order }
     }
