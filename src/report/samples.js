@@ -42,12 +42,14 @@
     size = Math.max(2200, ...extents.flat().map(([low, high]) => high - low + 600));
   };
 
-  /** Fits the canvas to the page: a narrow one has two bodies in a row. */
+  /** Fits the canvas to the page: a narrow one has two bodies in a row. A cell has its name, a body and its floor. */
   const fit = () => {
-    const wide = stage.clientWidth || 760;
-    const columns = Math.min(bodies.length, wide < 560 ? 2 : 4);
-    const cell = { columns, wide: wide / columns, high: Math.min(420, 1.3 * wide / columns) };
-    const [width, height] = [wide, cell.high * Math.ceil(bodies.length / columns)];
+    const width = stage.clientWidth || 760;
+    const columns = Math.min(bodies.length, width < 560 ? 2 : 4);
+    const [wide, name, tall] = [width / columns, 26, 1900 + 0.43 * size];
+    const scale = Math.min(0.92 * wide / size, (420 - name) / tall);
+    const cell = { columns, wide, scale, high: name + tall * scale };
+    const height = cell.high * Math.ceil(bodies.length / columns);
     const ratio = window.devicePixelRatio || 1;
     if (stage.width !== Math.round(width * ratio) || stage.height !== Math.round(height * ratio)) {
       [stage.width, stage.height] = [Math.round(width * ratio), Math.round(height * ratio)];
@@ -59,12 +61,11 @@
   };
 
   /** Pixels of a place from the middle of a cell's upper edge, seen from a little above. */
-  const project = ([x, y, z], [x0, z0], { wide, high }) => {
+  const project = ([x, y, z], [x0, z0], { scale, high }) => {
     const [east, north] = [x - x0, z - z0];
     const right = east * Math.cos(turn) + north * Math.sin(turn);
     const away = -east * Math.sin(turn) + north * Math.cos(turn);
-    const scale = Math.min(0.92 * wide, 0.8 * high) / size;
-    return [right * scale, high * 0.84 - (0.95 * y - 0.3 * away) * scale];
+    return [right * scale, high - (0.22 * size + 0.95 * y - 0.3 * away) * scale];
   };
 
   const line = (pen, from, to) => {
@@ -77,7 +78,7 @@
   const drawFloor = (pen, [x0, z0], cell) => {
     // Squares of half a metre, or twice, four times … as much where the path is long.
     const side = 500 * 2 ** Math.max(0, Math.ceil(Math.log2(size / 20000)));
-    const half = Math.ceil(size / (2 * side)) * side / (cell.columns > 1 ? 2 : 1);
+    const half = Math.round((cell.columns > 1 ? 0.36 : 0.5) * size / side) * side;
     const on = (x, z) => project([x0 + x, 0, z0 + z], [x0, z0], cell);
     pen.lineWidth = 1;
     for (let way = -half; way <= half; way += side) {

@@ -105,8 +105,7 @@ fn penetration_mm(poses: &[Pose]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{N_FEATURES, N_JOINTS, ROOT_VELOCITY, build_features, clean_feet};
-    use crate::motion::{recover_joints, synth::Script};
+    use crate::motion::{N_JOINTS, build_features, recover_joints, synth::Script};
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::SeedableRng;
 
@@ -173,62 +172,6 @@ mod tests {
         let again = physics(&recover_joints(&features), 20.0).unwrap();
         assert!((again.jerk - found.jerk).abs() < 0.1 * found.jerk, "{again:?} {found:?}");
     }
-
-    /// The body of a motion moves to its left at 0.6 m/s more, as its feet do.
-    fn sliding(features: &[f32]) -> Vec<f32> {
-        let mut sliding = features.to_vec();
-        sliding.chunks_exact_mut(N_FEATURES).for_each(|row| row[ROOT_VELOCITY.start] += 0.03);
-        sliding
-    }
-
-    #[test]
-    fn a_walk_that_slides_has_the_foot_skate_of_the_truth_once_its_feet_are_clean() {
-        let scripts = (0..200).map(|seed| Script::sample(&mut ChaCha8Rng::seed_from_u64(seed)));
-        let walks = scripts.filter(|script| script.captions()[0].contains("walks"));
-        let (mut all, mut n) = ([[0.0; 2]; 3], 0);
-        for script in walks.take(20) {
-            let truth = build_features(&script.poses());
-            let slid = sliding(&truth);
-            let (cleaned, moved) = clean_feet(&slid, 20.0);
-            assert!(moved.contacts > 0);
-            for (sum, features) in all.iter_mut().zip([&truth, &slid, &cleaned]) {
-                let found = physics(&recover_joints(features), 20.0).unwrap();
-                *sum = [sum[0] + found.foot_skate, sum[1] + found.jerk];
-            }
-            n += 1;
-        }
-        let [truth, slid, cleaned] = all.map(|sums| sums.map(|sum| sum / f64::from(n)));
-        assert!(slid[0] > truth[0] + 0.3, "{all:?}");
-        assert!(cleaned[0] < truth[0] + 0.1, "{truth:?} {slid:?} {cleaned:?}");
-        assert!(cleaned[1] < 1.5 * slid[1], "{truth:?} {slid:?} {cleaned:?}");
-    }
-
-    // TMP-BEGIN
-    #[test]
-    #[ignore]
-    fn tmp_measure() {
-        let list = std::fs::read_to_string(std::env::var("FEET_LIST").unwrap()).unwrap();
-        let mut groups: std::collections::BTreeMap<String, Vec<[f64; 7]>> = Default::default();
-        for line in list.lines() {
-            let (name, path) = line.split_once(' ').unwrap();
-            let given = crate::data::read_motion(std::path::Path::new(path), 20.0).unwrap();
-            for step in [0.0f32, 0.03] {
-                let mut given = given.clone();
-                given.chunks_exact_mut(N_FEATURES).for_each(|row| row[ROOT_VELOCITY.start] += step);
-                let (cleaned, moved) = clean_feet(&given, 20.0);
-                let [a, b] = [&given, &cleaned].map(|f| physics(&recover_joints(f), 20.0).unwrap());
-                groups.entry(format!("{name} {step}")).or_default().push([a.foot_skate, b.foot_skate, a.jerk, b.jerk, moved.contacts as f64, moved.left as f64, moved.mean_mm]);
-            }
-        }
-        for (name, rows) in groups {
-            let n = rows.len() as f64;
-            let sums: [f64; 7] = std::array::from_fn(|i| rows.iter().map(|row| row[i]).sum::<f64>());
-            let worst = rows.iter().map(|r| r[3] / r[2]).fold(0.0, f64::max);
-            let with = rows.iter().filter(|r| r[4] > 0.0).count() as f64;
-            println!("{name}: n {n} skate {:.3} -> {:.3} jerk {:.1} -> {:.1} worst x{worst:.2} contacts {} left {} mean {:.1} mm", sums[0]/n, sums[1]/n, sums[2]/n, sums[3]/n, sums[4], sums[5], sums[6]/with.max(1.0));
-        }
-    }
-    // TMP-END
 
     #[test]
     fn three_frames_have_no_jerk() {

@@ -58,19 +58,18 @@ pub fn clean_feet(features: &[f32], fps: f64) -> (Vec<f32>, MovedFeet) {
     let headings = headings(features);
     let mut cleaned = features.to_vec();
     let (mut moved, mut distances) = (MovedFeet::default(), Vec::new());
-    let mut weights = vec![0.0; poses.len()];
     // Of ankle and toe of each foot, the toes.
     for toe in [CONTACT_JOINTS[1], CONTACT_JOINTS[3]] {
         let wanted = wanted(&poses, toe, fps, &mut moved);
         let rows = cleaned.chunks_exact_mut(N_FEATURES).zip(&headings).zip(&wanted);
-        for (frame, ((row, heading), wanted)) in rows.enumerate() {
+        for ((row, heading), wanted) in rows.filter(|(_, wanted)| **wanted != [0.0; 2]) {
             let (x, z) = Yaw::from_half_angle(*heading).rotate_xz(wanted[0], wanted[1]);
-            if wanted != &[0.0; 2] {
-                distances.push(1000.0 * move_foot(row, toe, [x, 0.0, z]));
-                weights[frame] = 1.0;
-            }
+            distances.push(1000.0 * move_foot(row, toe, [x, 0.0, z]));
         }
     }
+    let rows = features.chunks_exact(N_FEATURES).zip(cleaned.chunks_exact(N_FEATURES));
+    let weights: Vec<f64> =
+        rows.map(|(a, b)| f64::from(u8::from(a[POSITIONS] != b[POSITIONS]))).collect();
     complete_stretches(&mut cleaned, &weights, fps);
     if !distances.is_empty() {
         moved.mean_mm = distances.iter().sum::<f64>() / distances.len() as f64;
