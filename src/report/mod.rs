@@ -54,12 +54,12 @@ use input::{extent, section};
 pub fn page(input: &ReportInput) -> String {
     let records = input.records();
     let studies = Some(html! { @for study in input.studies { (of_study(study)) } });
+    let mut middle = [studies, viewer::samples(input)];
     // Without laws, motions are what there is to see.
-    let has_laws = input.studies.iter().any(|study| study.laws.is_some());
-    let [first, second] = match (studies, viewer::samples(input)) {
-        (studies, samples) if has_laws => [studies, samples],
-        (studies, samples) => [samples, studies],
-    };
+    if input.studies.iter().all(|study| study.laws.is_none()) {
+        middle.reverse();
+    }
+    let [first, second] = middle;
     let sections = [
         tables::generators(input.studies),
         first,

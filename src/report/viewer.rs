@@ -93,10 +93,10 @@ const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz
 
 /// Five bits a digit, the lowest first, of which the very first is the sign; 32 in a digit says that more follow.
 fn push_vlq(text: &mut String, value: i32) {
-    let mut left = value.unsigned_abs() << 1 | u32::from(value < 0);
+    let mut left = (value.unsigned_abs() << 1) | u32::from(value < 0);
     loop {
         let more = left >> 5;
-        let digit = left & 31 | if more > 0 { 32 } else { 0 };
+        let digit = (left & 31) | if more > 0 { 32 } else { 0 };
         text.push(char::from(DIGITS[digit as usize]));
         if more == 0 {
             return;
