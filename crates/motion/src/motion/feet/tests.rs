@@ -230,31 +230,3 @@ fn real_motion_stays_finite_and_near() {
         assert!(off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) < 1e-4, "{id}");
     }
 }
-
-// TMP-BEGIN
-#[test]
-#[ignore]
-fn tmp_dump() {
-    let list = std::fs::read_to_string("/tmp/page/list.txt").unwrap();
-    for (n, line) in list.lines().enumerate() {
-        let (_, path) = line.split_once(' ').unwrap();
-        for step in [0.0f32, 0.03] {
-            let given = sliding(read_motion(std::path::Path::new(path), 20.0).unwrap(), step);
-            let (cleaned, moved) = clean_feet(&given, 20.0);
-            println!(
-                "MOVED {n} {step} {} {} {:.2} {:.2}",
-                moved.contacts, moved.left, moved.mean_mm, moved.largest_mm
-            );
-            for (what, rows) in [("given", &given), ("cleaned", &cleaned)] {
-                let to = format!("/tmp/page/dump/{n}-{step}-{what}.npy");
-                crate::data::write_npy(
-                    std::path::Path::new(&to),
-                    &[rows.len() / N_FEATURES, N_FEATURES],
-                    rows,
-                )
-                .unwrap();
-            }
-        }
-    }
-}
-// TMP-END
