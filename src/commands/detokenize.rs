@@ -2,6 +2,7 @@
 
 use super::args::not_negative;
 use super::context::TokenizerChoice;
+use super::feet::{CleanedFeet, feet_line};
 use super::prelude::*;
 use super::tokenize::{motion_name, warn_of};
 use isoflop::codes::ClipCodes;
@@ -22,7 +23,7 @@ pub fn detokenize(args: &DetokenizeArgs, output: &Output) -> Result<Exit> {
     };
     // All are read and decoded before the first is written.
     let decoded: Vec<Decoded> = args.files.par_iter().map(decode).collect::<Result<_>>()?;
-    let originals = decoded.iter().filter_map(|(.., original)| original.as_ref());
+    let originals = decoded.iter().filter_map(|decoded| decoded.original.as_ref());
     let originals = originals.map(|own| (own.path.as_path(), own.features.as_slice()));
     warn_of(originals, tokenizer.tokenizer.stats(), output);
     let written = names.iter().zip(&decoded).map(|(name, decoded)| write(args, name, decoded));
@@ -50,8 +51,16 @@ fn names(args: &DetokenizeArgs) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// A clip, its features, `[frames, 263]` row-major, and its original, if that was found.
-type Decoded = (ClipCodes, Vec<f32>, Option<Original>);
+/// A clip, and the motion that its codes stand for.
+struct Decoded {
+    clip: ClipCodes,
+    /// `[frames, 263]` row-major.
+    features: Vec<f32>,
+    /// The original, if that was found.
+    original: Option<Original>,
+    /// What `--clean-feet` moved.
+    feet: Option<CleanedFeet>,
+}
 
 /// The motion that codes were made of.
 struct Original {
@@ -70,11 +79,12 @@ fn decoded(args: &DetokenizeArgs, tokenizer: &TrainedTokenizer, path: &Path) -> 
     }
     let caption = tokenizer.embed(clip.caption.as_deref())?;
     let guidance = args.detokenizer_guidance;
-    let features =
+    let mut features =
         tokenizer.tokenizer.decode(&clip.codes, clip.frames, caption.as_deref(), guidance)?;
+    let feet = args.clean_feet.then(|| CleanedFeet::clean(&mut features, clip.fps));
     let truth = truth(args, path, &clip)?;
     let original = truth.map(|truth| Original::read(truth, &features, clip.fps)).transpose()?;
-    Ok((clip, features, original))
+    Ok(Decoded { clip, features, original, feet })
 }
 
 /// The original's file, if there is one.
@@ -109,7 +119,8 @@ impl Original {
     }
 }
 
-fn write(args: &DetokenizeArgs, name: &str, (clip, features, original): &Decoded) -> Result<Made> {
+fn write(args: &DetokenizeArgs, name: &str, decoded: &Decoded) -> Result<Made> {
+    let Decoded { clip, features, original, feet } = decoded;
     let caption = clip.caption.as_deref().unwrap_or(name);
     let motion = CaptionedMotion { features, fps: clip.fps as f32, caption };
     let written =
@@ -120,6 +131,7 @@ fn write(args: &DetokenizeArgs, name: &str, (clip, features, original): &Decoded
         mpjpe_mm: original.as_ref().map(|own| own.mpjpe_mm),
         bvh_largest_mm: written.deviation.largest_mm,
         bvh_mean_mm: written.deviation.mean_mm,
+        feet: *feet,
     })
 }
 
@@ -148,7 +160,9 @@ fn text(id: &str, made: &[Made], mean: Option<f64>, out: &Path) -> String {
     );
     let out = out.display();
     text += &format!("\nMPJPE     {mean}\n");
-    text + &format!("files     {out}/<motion>.svg .bvh .glb .joints.npy .features.npy\n")
+    text += &format!("files     {out}/<motion>.svg .bvh .glb .joints.npy .features.npy\n");
+    let feet: Vec<CleanedFeet> = made.iter().filter_map(|made| made.feet).collect();
+    text + &feet_line(&feet)
 }
 
 // [`Made`]: the facts of a decoded motion.
@@ -164,6 +178,9 @@ struct Made {
     /// Distance of the BVH's rigid body from the joints, at most and on average.
     pub bvh_largest_mm: f64,
     pub bvh_mean_mm: f64,
+    /// What `--clean-feet` moved; absent without it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub feet: Option<CleanedFeet>,
 }
 
 // The arguments of `isoflop detokenize`.
@@ -182,6 +199,9 @@ pub struct DetokenizeArgs {
     /// Strength of caption guidance, for a tokenizer with language
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
     pub detokenizer_guidance: f64,
+    /// Pin feet that slide to one place on the floor in each contact, by inverse kinematics of the legs
+    #[arg(long)]
+    pub clean_feet: bool,
     /// The folder to write to
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,

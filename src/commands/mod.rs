@@ -19,6 +19,8 @@ mod evaluate;
 #[cfg(feature = "train")]
 mod evaluator;
 mod export;
+#[cfg(feature = "train")]
+mod feet;
 mod fit;
 #[cfg(feature = "train")]
 mod generate;

@@ -17,6 +17,8 @@ pub struct ReportInput<'a> {
     pub name: &'a str,
     /// One for each generator.
     pub studies: &'a [Study<'a>],
+    /// A paragraph at the head of the page.
+    pub note: Option<&'a str>,
     pub samples: &'a [Sample],
     /// Motions that cannot be shown, a sentence each.
     pub not_shown: &'a [String],
@@ -45,18 +47,26 @@ pub struct Study<'a> {
     pub figures: &'a [Figure],
 }
 
-/// A motion of the study.
+/// The motions of a caption.
 pub struct Sample {
     pub caption: String,
-    /// The run that made it.
+    /// The run that made them.
     pub run_id: String,
     pub fps: f64,
-    /// Metres.
-    pub poses: Vec<Pose>,
+    /// Motions that the run made, in metres.
+    pub made: Vec<Vec<Pose>>,
     /// The true motion of that caption, if the data are at hand.
-    pub truth: Option<Vec<Pose>>,
+    pub truth: Option<TrueMotion>,
     /// The true motion from its codes, if the run's tokenizer is at hand.
     pub reconstruction: Option<Vec<Pose>>,
+}
+
+/// A clip of the data.
+pub struct TrueMotion {
+    /// Metres.
+    pub poses: Vec<Pose>,
+    /// The clip's name, and the licence of its data set if the sweep tells it.
+    pub source: String,
 }
 
 impl ReportInput<'_> {

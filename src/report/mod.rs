@@ -24,6 +24,7 @@
 //! let html = page(&ReportInput {
 //!     name: "cmu-motion",
 //!     studies: &[study],
+//!     note: None,
 //!     samples: &[],
 //!     not_shown: &[],
 //!     tokenizers: &[],
@@ -40,23 +41,29 @@ mod figure;
 mod input;
 mod laws;
 mod tables;
+mod viewer;
 
 pub use figure::Figure;
-pub use input::{ReportInput, Sample, Study};
+pub use input::{ReportInput, Sample, Study, TrueMotion};
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use serde_json::{Value, json};
 
-use crate::motion::{PARENTS, Pose};
-use input::{extent, json_text, section};
+use input::{extent, section};
 
 /// The page, in HTML.
 pub fn page(input: &ReportInput) -> String {
     let records = input.records();
+    let studies = Some(html! { @for study in input.studies { (of_study(study)) } });
+    let mut middle = [studies, viewer::samples(input)];
+    // Without laws, motions are what there is to see.
+    if input.studies.iter().all(|study| study.laws.is_none()) {
+        middle.reverse();
+    }
+    let [first, second] = middle;
     let sections = [
         tables::generators(input.studies),
-        Some(html! { @for study in input.studies { (of_study(study)) } }),
-        samples(input),
+        first,
+        second,
         input.studies.first().and_then(|study| tables::runs(&records, &study.words())),
         tables::tokenizers(input.tokenizers),
         Some(figures(input)),
@@ -73,7 +80,11 @@ pub fn page(input: &ReportInput) -> String {
                 style { (PreEscaped(include_str!("style.css"))) }
             }
             body {
-                header { h1 { (input.name) } p { (extent(&records)) } }
+                header {
+                    h1 { (input.name) }
+                    p { (extent(&records)) }
+                    @if let Some(note) = input.note { p.note { (note) } }
+                }
                 main { @for section in sections.into_iter().flatten() { (section) } }
                 script { (PreEscaped(include_str!("script.js"))) }
             }
@@ -121,77 +132,6 @@ fn drawn(figures: &[Figure]) -> Markup {
     }
 }
 
-// Generated motions, as skeletons that play, turn and can be stopped.
-
-/// The viewer, and what it cannot show; `None` where there is no motion.
-fn samples(input: &ReportInput) -> Option<Markup> {
-    let viewer = viewer(input.samples);
-    let within = html! {
-        @if let Some((viewer, _)) = &viewer { (viewer) }
-        @for sentence in input.not_shown { p { (sentence) } }
-    };
-    (viewer.is_some() || !input.not_shown.is_empty()).then(|| {
-        html! {
-            (section("samples", "Samples", &within))
-            @if let Some((_, script)) = &viewer { (script) }
-        }
-    })
-}
-
-/// What is seen of the viewer, and the script that moves it, which follows.
-fn viewer(samples: &[Sample]) -> Option<(Markup, Markup)> {
-    let shown: Vec<Value> = samples.iter().map(shown).collect();
-    let data = json!({ "parents": PARENTS, "samples": shown });
-    let within = html! {
-        p {
-            "Motions that a run generated from captions of the test split"
-            @if samples.iter().any(|sample| sample.truth.is_some()) {
-                ", each next to the true motion of its caption"
-                @if samples.iter().any(|sample| sample.reconstruction.is_some()) {
-                    " and the tokenizer's reconstruction of it"
-                }
-            }
-            ". Drag to turn them."
-        }
-        label for="sample" { "Caption " }
-        select id="sample" {
-            @for (place, sample) in samples.iter().enumerate() {
-                option value=(place) { (sample.caption) }
-            }
-        }
-        canvas id="stage" width="760" height="420" tabindex="0" role="img"
-            aria-label="The skeleton of the chosen motion; arrow keys turn it" {}
-        div.controls {
-            button id="play" type="button" { "Pause" }
-            label for="frame" { "Frame " }
-            input id="frame" type="range" min="0" max="0" value="0" step="1";
-        }
-        p { "Run " code id="maker" {} }
-    };
-    let script = html! {
-        script id="motions" type="application/json" { (json_text(&data)) }
-        script { (PreEscaped(include_str!("samples.js"))) }
-    };
-    (!samples.is_empty()).then_some((within, script))
-}
-
-/// Positions in millimetres, frame after frame.
-fn shown(sample: &Sample) -> Value {
-    let flat = |poses: &Vec<Pose>| -> Vec<i32> {
-        poses.iter().flatten().flatten().map(|x| (x * 1000.0).round() as i32).collect()
-    };
-    let bodies = [
-        ("true motion", sample.truth.as_ref()),
-        ("its reconstruction", sample.reconstruction.as_ref()),
-        ("generated", Some(&sample.poses)),
-    ];
-    let body = |(name, poses): (&str, Option<&Vec<Pose>>)| {
-        Some(json!({ "name": name, "mm": flat(poses?) }))
-    };
-    let bodies: Vec<Value> = bodies.into_iter().filter_map(body).collect();
-    json!({ "run": sample.run_id, "fps": sample.fps, "bodies": bodies })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -206,8 +146,11 @@ mod tests {
             caption: PLANTED.to_string(),
             run_id: PLANTED.to_string(),
             fps: 20.0,
-            poses: vec![[[0.0; 3]; N_JOINTS]],
-            truth: None,
+            made: vec![vec![[[0.0; 3]; N_JOINTS]]],
+            truth: Some(TrueMotion {
+                poses: vec![[[0.0; 3]; N_JOINTS]],
+                source: PLANTED.to_string(),
+            }),
             reconstruction: None,
         };
         let study = Study {
@@ -223,6 +166,7 @@ mod tests {
         let page = page(&ReportInput {
             name: PLANTED,
             studies: &[study],
+            note: Some(PLANTED),
             samples: &[sample],
             not_shown: &told,
             tokenizers: &[],
@@ -241,6 +185,7 @@ mod tests {
         let input = ReportInput {
             name: "far",
             studies: &[],
+            note: None,
             samples: &[],
             not_shown: &["a joint lies 1e38 m away".to_string()],
             tokenizers: &[],

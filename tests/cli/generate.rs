@@ -60,6 +60,15 @@ fn motions_of_captions_are_written_whole_and_repeat() {
     assert_eq!(place.read("a/3.bvh"), place.read("b/3.bvh"));
     let other = made(&place, run, &["--samples", "2", "--seed", "1", "--out", "c"]);
     assert_ne!(other[0]["codes"], first[0]["codes"]);
+    assert!(first.iter().all(|motion| motion.get("feet").is_none()), "only with --clean-feet");
+    let cleaned = made(&place, run, &["--samples", "2", "--clean-feet", "--out", "f"]);
+    for (motion, own) in cleaned.iter().zip(&first) {
+        assert_eq!(motion["codes"], own["codes"]);
+        assert_eq!(motion["feet"]["foot_skate_before"], own["physics"]["foot_skate"]);
+        assert_eq!(motion["feet"]["jerk_after"], motion["physics"]["jerk"]);
+        let moved = motion["feet"]["largest_mm"].as_f64().expect("millimetres");
+        assert_eq!(moved > 0.0, motion["feet"]["contacts"].as_u64() > Some(0), "{motion}");
+    }
     let timed = made(&place, run, &["--seconds", "2", "--out", "d"]);
     assert!(timed.iter().all(|motion| motion["length"] == 40 && motion["ended"] == true));
     let estimated = made(&place, run, &["--seconds", "auto", "--samples", "9", "--out", "e"]);

@@ -177,6 +177,12 @@ fn a_page_without_its_sweep_or_data_says_why_it_shows_no_true_motion() {
     write_npy(&path, &[60, 263], &[0.5; 60 * 263]).expect("a writable directory");
     let report = || place.isoflop(&["report", "results/lawful"]).exits(0);
     report().does_not_say("true motion");
+    let words = ["report", "results/lawful", "--withhold", "mine", "--note", "<b>seed</b> 0"];
+    place.isoflop(&words).exits(0).says("--withhold mine names no data set of the sweep's union");
+    let page = String::from_utf8(place.read("results/lawful/report.html")).expect("text");
+    assert!(page.contains("<p class=\"note\">&lt;b&gt;seed&lt;/b&gt; 0</p>"), "a word of the user");
+    let table = ["report", "results/lawful/runs.csv", "--captions", "3"];
+    place.isoflop(&table).exits(2).says("a table has no motions");
     let whole = String::from_utf8(place.read("results/lawful/sweep.yaml")).expect("text");
     let changed = whole.replace("clips: 1", "clips: 2");
     assert!(changed != whole);

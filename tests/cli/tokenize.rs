@@ -102,6 +102,11 @@ fn tokenizing_twice_gives_the_same_bytes_and_other_forms_of_a_motion_nearly_its_
     let more = ["--tokenizer", &own, "--out", "made"];
     let text = place.isoflop(&words("detokenize", &["a/2.json".into()], &more)).exits(0).stdout();
     assert!(text.contains("no original lies beside the codes"), "{text}");
+    assert!(!text.contains("pinned"), "{text}");
+    let more = ["--tokenizer", &own, "--out", "cleaned", "--clean-feet"];
+    let text = place.isoflop(&words("detokenize", &["a/2.json".into()], &more)).exits(0).stdout();
+    assert!(text.contains(" pinned") && text.contains("jerk"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
     for form in ["made/2.features.npy", "made/2.joints.npy", "made/2.bvh"] {
         let out = form.replace(['/', '.'], "-");
         tokenize(&[form.to_string()], &out);

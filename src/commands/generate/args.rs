@@ -69,8 +69,11 @@ pub struct GenerateArgs {
     /// Seconds before and after --anew over which the new part goes over into the rest
     #[arg(long, value_name = "S", requires = "edit", default_value_t = 0.5, value_parser = not_negative)]
     pub fade: f64,
+    /// Pin feet that slide to one place on the floor in each contact, by inverse kinematics of the legs
+    #[arg(long)]
+    pub clean_feet: bool,
     /// Make no files: measure the time per motion, by batch size, with and without guidance
-    #[arg(long, conflicts_with_all = ["edit", "out", "texts"])]
+    #[arg(long, conflicts_with_all = ["edit", "out", "texts", "clean_feet"])]
     pub times: bool,
     /// The compute backend
     #[arg(long, value_parser = device(), default_value = "flex")]

@@ -6,6 +6,7 @@ mod times;
 
 pub use args::GenerateArgs;
 
+use super::feet::{CleanedFeet, feet_line};
 use super::prelude::*;
 use args::Seconds;
 use edit::Source;
@@ -104,13 +105,16 @@ fn orders(args: &GenerateArgs, run: &TrainedRun, source: Option<&Source>) -> Res
     Ok(orders)
 }
 
+/// A motion with its features as they are written, and what was moved in them.
+type Finished = (MadeMotion, Option<CleanedFeet>);
+
 /// Generates codes, then features, one batch at a time; of an edit, the part joined to the rest.
 fn make(
     args: &GenerateArgs,
     run: &TrainedRun,
     orders: &[Order],
     source: Option<&Source>,
-) -> Result<Vec<MadeMotion>> {
+) -> Result<Vec<Finished>> {
     let (sampling, detokenizer_guidance) = args.sampling(run)?;
     let mut made = Vec::with_capacity(orders.len());
     for batch in orders.chunks(BATCH) {
@@ -125,7 +129,9 @@ fn make(
         let motions = run.motions(&prompts, &sampling, detokenizer_guidance)?;
         made.extend(motions.into_iter().map(|MadeMotion { sampled, features }| {
             let joined = source.map(|source| source.joined(&features, run.spec.fps));
-            MadeMotion { sampled, features: joined.unwrap_or(features) }
+            let mut features = joined.unwrap_or(features);
+            let feet = args.clean_feet.then(|| CleanedFeet::clean(&mut features, run.spec.fps));
+            (MadeMotion { sampled, features }, feet)
         }));
     }
     Ok(made)
@@ -136,18 +142,16 @@ fn write(
     args: &GenerateArgs,
     run: &TrainedRun,
     orders: &[Order],
-    made: &[MadeMotion],
+    made: &[Finished],
     out: &Path,
 ) -> Result<Vec<Motion>> {
     let fps = run.spec.fps;
-    let captioned = orders.iter().zip(made).map(|(Order { caption, .. }, made)| CaptionedMotion {
-        features: &made.features,
-        fps: fps as f32,
-        caption,
+    let captioned = orders.iter().zip(made).map(|(Order { caption, .. }, (made, _))| {
+        CaptionedMotion { features: &made.features, fps: fps as f32, caption }
     });
     let all: Vec<CaptionedMotion> = captioned.collect();
     let mut motions = Vec::with_capacity(all.len());
-    for (index, (motion, MadeMotion { sampled, .. })) in all.iter().zip(made).enumerate() {
+    for (index, (motion, (MadeMotion { sampled, .. }, feet))) in all.iter().zip(made).enumerate() {
         let written = write_motion(out, &index.to_string(), motion);
         let written = written.with_context(|| format!("writing motion {index}"))?;
         motions.push(Motion {
@@ -161,6 +165,7 @@ fn write(
             bvh_largest_mm: written.deviation.largest_mm,
             bvh_mean_mm: written.deviation.mean_mm,
             physics: physics(&recover_joints(motion.features), fps).ok(),
+            feet: *feet,
             run: run.run_id.clone(),
         });
     }
@@ -201,7 +206,8 @@ fn text(run: &TrainedRun, motions: &[Motion], out: &Path, made_s: f64) -> String
         "\nfiles     {out}/<n>.svg .bvh .glb .joints.npy .features.npy\n          {out}/sheet.png, motions.json\n\
          BVH       bones have one length; joints are off by {largest:.0} mm at most\n"
     );
-    text + &bodies(motions)
+    let feet: Vec<CleanedFeet> = motions.iter().filter_map(|motion| motion.feet).collect();
+    text + &bodies(motions) + &feet_line(&feet)
 }
 
 /// Mean statistics of motions of four frames and more that need no evaluator.
@@ -242,5 +248,8 @@ struct Motion {
     pub bvh_mean_mm: f64,
     /// Statistics that need no evaluator; `None` below four frames.
     pub physics: Option<Physics>,
+    /// What `--clean-feet` moved; absent without it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub feet: Option<CleanedFeet>,
     pub run: String,
 }

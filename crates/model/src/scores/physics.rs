@@ -3,10 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::ScoreError;
-use crate::motion::{CONTACT_JOINTS, PARENTS, Pose};
-
-/// A foot below this height, in metres, in two frames counts as on the floor.
-const ON_FLOOR: f32 = 0.05;
+use crate::motion::{CONTACT_JOINTS, ON_FLOOR, PARENTS, Pose};
 
 /// A foot on the floor that moves faster than this, in metres a second, in a step and on the mean of the steps around
 /// it, slides: 2.5 cm a frame of 20 a second.

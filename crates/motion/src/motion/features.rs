@@ -99,9 +99,14 @@ pub fn features_of_canonical_at(poses: &[Pose], fps: f64) -> Vec<f32> {
     features_with_headings(poses, &root_headings(poses, fps), fps)
 }
 
+/// The square of a step, in square metres, below which a foot is in contact.
+pub(super) fn still_m2(fps: f64) -> f32 {
+    (CONTACT_THRESHOLD_M2 * (REFERENCE_FPS / fps).powi(2)) as f32
+}
+
 /// The same where the heading of each pose is known.
 pub(super) fn features_with_headings(poses: &[Pose], headings: &[Yaw], fps: f64) -> Vec<f32> {
-    let still_m2 = (CONTACT_THRESHOLD_M2 * (REFERENCE_FPS / fps).powi(2)) as f32;
+    let still_m2 = still_m2(fps);
     let mut features = vec![0.0; poses.len().saturating_sub(1) * N_FEATURES];
     for (t, row) in features.chunks_exact_mut(N_FEATURES).enumerate() {
         write_root(row, &poses[t], &poses[t + 1], headings[t], headings[t + 1]);

@@ -50,15 +50,20 @@ pub fn joined(kept: &[f32], other: &[f32], weights: &[f64], fps: f64) -> Vec<f32
             close(own, &kept[rows], weights);
         }
     }
-    let known = result.chunks_exact(N_FEATURES).flat_map(|row| &row[..POSITIONS.end]);
+    complete_stretches(&mut result, weights, fps);
+    result
+}
+
+/// Computes rotations, velocities and contacts of the frames with a weight again, from root and positions.
+pub(super) fn complete_stretches(features: &mut [f32], weights: &[f64], fps: f64) {
+    let known = features.chunks_exact(N_FEATURES).flat_map(|row| &row[..POSITIONS.end]);
     let complete = complete_features(&known.copied().collect::<Vec<f32>>(), fps);
     for Range { start, end } in stretches(weights) {
         // The frame before a stretch steps into it.
         let before = start.saturating_sub(1) * N_FEATURES + VELOCITIES.start;
         let from = if start == 0 { 0 } else { before };
-        result[from..end * N_FEATURES].copy_from_slice(&complete[from..end * N_FEATURES]);
+        features[from..end * N_FEATURES].copy_from_slice(&complete[from..end * N_FEATURES]);
     }
-    result
 }
 
 /// The frames with a weight, in stretches without a gap.
@@ -103,7 +108,10 @@ fn close(own: &mut [f32], kept: &[f32], weights: &[f64]) {
 }
 
 /// Half angles of the root in each frame of some rows and where they lead, from that of the first.
-fn headings(rows: &[f32]) -> Vec<f64> {
+///
+/// # Shapes
+/// `[T, 263]` row-major to `[T + 1]`.
+pub(super) fn headings(rows: &[f32]) -> Vec<f64> {
     let turns = rows.chunks_exact(N_FEATURES).scan(0.0, |sum, row| {
         *sum += f64::from(row[ROOT_YAW]);
         Some(*sum)

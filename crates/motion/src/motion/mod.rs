@@ -20,6 +20,7 @@
 
 pub mod bvh;
 mod features;
+mod feet;
 pub(crate) mod geometry;
 mod join;
 mod mirror;
@@ -37,6 +38,7 @@ pub use features::{
     build_features, build_features_at, canonicalise, features_of_canonical,
     features_of_canonical_at, is_canonical,
 };
+pub use feet::{MovedFeet, ON_FLOOR, clean_feet};
 pub use geometry::{NO_ROTATION, Quat, Yaw, between, conjugate, multiply, rotate, to_6d};
 pub use join::{join_weights, joined};
 pub use mirror::{mirror_caption, mirror_features};

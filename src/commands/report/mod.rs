@@ -1,19 +1,18 @@
 //! `isoflop report`: writes one HTML page on a sweep, on a table made elsewhere or on a `laws.json`; it needs no
 //! network.
 
+mod motions;
+
 use super::fit::{TableArgs, TableStudy, beside};
 use super::generators::{home, parted};
 use super::predict::not_of_groups;
 use super::prelude::*;
 use super::{fit, plot, predict};
-use isoflop::data::{self, Split, read_motion};
-use isoflop::figures::motion::not_drawn;
 use isoflop::figures::{Format, draw_all};
-use isoflop::motion::{Pose, recover_joints};
-use isoflop::plan::demand;
 use isoflop::record::{Tuned, table as runs};
-use isoflop::report::{Figure, ReportInput, Sample, Study, page};
-use std::collections::{BTreeSet, HashMap};
+use isoflop::report::{Figure, ReportInput, Study, page};
+use motions::{MotionArgs, samples};
+use std::collections::BTreeSet;
 use std::fs;
 
 #[derive(Args)]
@@ -24,13 +23,21 @@ pub struct ReportArgs {
     /// The file to write; by default report.html in the sweep's folder, or NAME.html next to a table
     #[arg(long)]
     pub out: Option<PathBuf>,
+    /// A paragraph at the head of the page
+    #[arg(long, value_name = "TEXT")]
+    pub note: Option<String>,
+    #[command(flatten)]
+    motions: MotionArgs,
     #[command(flatten)]
     table: TableArgs,
 }
 
 pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
     if args.results.is_file() {
-        let html = page_of(&args.results, &args.table, output)?;
+        if args.motions != MotionArgs::default() {
+            bail!("a table has no motions: --captions and --withhold are for sweeps only");
+        }
+        let html = page_of(args, output)?;
         return written(args, beside(&args.results, ".html"), &html, output);
     }
     if args.table != TableArgs::default() {
@@ -44,11 +51,12 @@ pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
     let records = runs::read(folder.root())?;
     let generators = of_each(&folder, &records, output)?;
     let several = generators.len() > 1;
-    let (samples, not_shown) = samples(&home, &records)?;
+    let (samples, not_shown) = samples(&home, &records, &args.motions)?;
     not_shown.iter().for_each(|sentence| output.warn(sentence));
     let html = page(&ReportInput {
         name: &folder.name(),
         studies: &generators.iter().map(GeneratorResults::study).collect::<Vec<_>>(),
+        note: args.note.as_deref(),
         samples: &samples,
         not_shown: &not_shown,
         tokenizers: &plot::tokenizers(&home, output)?,
@@ -70,8 +78,8 @@ fn written(args: &ReportArgs, usual: PathBuf, html: &str, output: &Output) -> Re
 // The page of a table made elsewhere, or of a `laws.json`.
 
 /// The page as HTML; a figure that cannot be drawn is a note.
-fn page_of(path: &Path, args: &TableArgs, output: &Output) -> Result<String> {
-    let study = TableStudy::open(path, args, output)?;
+fn page_of(args: &ReportArgs, output: &Output) -> Result<String> {
+    let study = TableStudy::open(&args.results, &args.table, output)?;
     let folder = tempfile::tempdir().context("making a folder for the figures")?;
     let drawn = draw_all(&study.figures(), folder.path(), |_| true, &[Format::Svg])?;
     for left_out in &drawn.left_out {
@@ -84,6 +92,7 @@ fn page_of(path: &Path, args: &TableArgs, output: &Output) -> Result<String> {
     Ok(page(&ReportInput {
         name: &study.name,
         studies: &[own.study()],
+        note: args.note.as_deref(),
         samples: &[],
         not_shown: &[],
         tokenizers: &[],
@@ -241,135 +250,4 @@ fn dropped(folder: &ResultsFolder) -> Result<Vec<String>> {
         format!("{}: {}", facts.join(", "), reason.unwrap_or_default())
     };
     Ok(plan.iter().flat_map(|plan| &plan.dropped).map(line).collect())
-}
-
-// Motions of a sweep's folder, for its page.
-
-/// Motions that a page shows.
-const SHOWN: usize = 6;
-
-/// The part of `motions.json` that is read.
-#[derive(Deserialize)]
-struct Made {
-    caption: String,
-    fps: f64,
-}
-
-/// Frames of a motion that a page shows, at most: it holds the place of every joint.
-const MOST_FRAMES: usize = 2400;
-
-/// Motions that a page shows, and a sentence on each that it cannot show.
-type Samples = (Vec<Sample>, Vec<String>);
-
-/// The first motions of the run of the lowest L_u that made some; none where no run did.
-fn samples(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Samples> {
-    let with_loss = |record| Some((record, RunRecord::loss_normalised(record).ok()?));
-    let mut by_loss: Vec<(&RunRecord, f64)> = records.iter().filter_map(with_loss).collect();
-    by_loss.sort_by(|a, b| a.1.total_cmp(&b.1));
-    for (record, _) in by_loss {
-        let run_id = &record.planned.run_id;
-        let place = folder.file("samples").join(run_id);
-        for place in [place.join("scored"), place] {
-            if let Some(made) = read_if_there(&place.join("motions.json"))? {
-                return of_run(folder, run_id, &place, made);
-            }
-        }
-    }
-    Ok((Vec::new(), Vec::new()))
-}
-
-fn of_run(home: &ResultsFolder, id: &str, place: &Path, made: Vec<Made>) -> Result<Samples> {
-    let files = (0..).map(|n| place.join(format!("{n}.features.npy")));
-    let kept = files.zip(made).filter(|(path, _)| path.exists());
-    let kept: Vec<(PathBuf, Made)> = kept.take(SHOWN).collect();
-    let captions: Vec<&str> = kept.iter().map(|(_, made)| made.caption.as_str()).collect();
-    let (mut samples, mut not_shown) = (Vec::new(), Vec::new());
-    let mut truth = truth(home, &captions).unwrap_or_else(|reason| {
-        not_shown.push(format!("No true motion is shown: {reason}."));
-        HashMap::new()
-    });
-    let mut reconstructed = reconstructions(home, id, &truth).unwrap_or_else(|error| {
-        not_shown.push(format!("No reconstruction is shown: {error:#}."));
-        HashMap::new()
-    });
-    for (path, Made { caption, fps }) in kept {
-        let features =
-            read_motion(&path, fps).with_context(|| format!("reading {}", path.display()))?;
-        let poses = recover_joints(&features);
-        let [truth, reconstruction] = [&mut truth, &mut reconstructed]
-            .map(|of| of.remove(&caption).map(|features| recover_joints(&features)));
-        let mut can_be_shown = |what: &str, poses: &[Pose]| {
-            let reason = hindrance(poses);
-            let sentence =
-                |reason: &String| format!("{what} of \"{caption}\" is not shown: {reason}.");
-            not_shown.extend(reason.iter().map(sentence));
-            reason.is_none()
-        };
-        let truth = truth.filter(|truth| can_be_shown("The true motion", truth));
-        let reconstruction = reconstruction.filter(|made| can_be_shown("The reconstruction", made));
-        if can_be_shown(&format!("The motion that run {id} made"), &poses) {
-            samples.push(Sample {
-                caption,
-                run_id: id.to_string(),
-                fps,
-                poses,
-                truth,
-                reconstruction,
-            });
-        }
-    }
-    Ok((samples, not_shown))
-}
-
-/// Why a page does not show a motion; `None` if it can.
-fn hindrance(poses: &[Pose]) -> Option<String> {
-    let n = poses.len();
-    let long = || (n > MOST_FRAMES).then(|| format!("it has {n} frames, more than {MOST_FRAMES}"));
-    long().or_else(|| not_drawn(poses))
-}
-
-/// Features by caption.
-type Features = HashMap<String, Vec<f32>>;
-
-/// The true motion of each caption, from the first clip of the test split with it.
-///
-/// # Errors
-/// A sentence: the sweep or its data cannot be read.
-fn truth(folder: &ResultsFolder, captions: &[&str]) -> Result<Features, String> {
-    let sweep = folder.sweep().map_err(|errors| errors.problems[0].message.clone())?;
-    let data = data::open(&sweep.data, demand(&sweep).as_ref());
-    let data = data.map_err(|error| error.to_string())?;
-    let mut found = HashMap::new();
-    for clip in 0..data.n_clips(Split::Test) {
-        let own = data.captions(Split::Test, clip);
-        if let Some(caption) = own.iter().find(|own| captions.contains(&own.as_str()))
-            && !found.contains_key(caption)
-            && let Ok(features) = data.features(Split::Test, clip)
-        {
-            found.insert(caption.clone(), features);
-        }
-    }
-    Ok(found)
-}
-
-/// True motions from the codes that the run's tokenizer makes of them.
-#[cfg(feature = "train")]
-fn reconstructions(folder: &ResultsFolder, run_id: &str, truth: &Features) -> Result<Features> {
-    use isoflop::jobs::{JobId, TrainedTokenizer};
-    use isoflop::ops::DeviceName;
-    if truth.is_empty() {
-        return Ok(HashMap::new());
-    }
-    let run = folder.job(&JobId::run(run_id));
-    let tokenizer = TrainedTokenizer::of_run(&run, &DeviceName::Flex.open()?)?;
-    let one = |(caption, features): (&String, &Vec<f32>)| {
-        Ok((caption.clone(), tokenizer.reconstruction(features, caption)?))
-    };
-    truth.iter().map(one).collect()
-}
-
-/// This build has no tokenizers.
-#[cfg(not(feature = "train"))]
-fn reconstructions(_: &ResultsFolder, _: &str, _: &Features) -> Result<Features> {
-    Ok(HashMap::new())
 }
