@@ -63,7 +63,7 @@ fn places(args: &TokenizeArgs) -> Result<Vec<PathBuf>> {
     Ok(places)
 }
 
-/// The codes of a motion, and its features; frames after its last whole latent are left out.
+/// The codes of a motion, and its features; frames after its last whole stride are left out.
 fn encoded(
     tokenizer: &TrainedTokenizer,
     path: &Path,
@@ -71,9 +71,9 @@ fn encoded(
 ) -> Result<(ClipCodes, Vec<f32>)> {
     let features = read_motion(path, tokenizer.tokenizer.fps())?;
     let (n_frames, spec) = (features.len() / N_FEATURES, tokenizer.tokenizer.spec());
-    let stride = spec.frames_per_latent();
+    let stride = spec.stride();
     if n_frames < stride {
-        bail!("it has {n_frames} frames, and the tokenizer's latents take {stride} each");
+        bail!("it has {n_frames} frames, and the tokenizer reads {stride} or more");
     }
     let embedded = tokenizer.embed(caption.as_deref());
     let embedded = embedded.context("give --caption, --texts, or a .txt beside it")?;

@@ -222,12 +222,12 @@ impl TrainedTokenizer {
         Ok(Some(encoder.encode(&as_in_data(caption))?))
     }
 
-    /// Motion from the codes of a motion: features `[T, 263]`, row-major, without the frames after the last whole latent.
+    /// Motion from the codes of a motion: features `[T, 263]`, row-major, without the frames after the last whole stride.
     ///
     /// # Errors
-    /// The motion is shorter than a latent, or [`TrainedTokenizer::embed`] fails.
+    /// The motion is shorter than a stride, or [`TrainedTokenizer::embed`] fails.
     pub fn reconstruction(&self, features: &[f32], caption: &str) -> Result<Vec<f32>> {
-        let stride = self.tokenizer.spec().frames_per_latent();
+        let stride = self.tokenizer.spec().stride();
         let text = self.embed(Some(caption))?;
         let codes = self.tokenizer.encode(features, text.as_deref())?;
         let frames = features.len() / N_FEATURES / stride * stride;
