@@ -118,7 +118,8 @@ impl TransformerSpec {
         require(even, "heads", "RoPE turns pairs of channels, so width / heads must be even")?;
         require(*span > 0 && span.is_multiple_of(*frames), "window", "must be whole codes")?;
         let few = self.latents.is_none_or(|latents| latents <= *span);
-        require(few, "latents", &format!("a window has {span} frames, and no more latents"))?;
+        let many = format!("a window has {span} frames: set it to {span} or less");
+        require(few, "latents", &many)?;
         self.language.as_ref().map_or(Ok(()), LanguageSpec::check)
     }
 
