@@ -64,7 +64,6 @@ mod tests {
     use crate::motion::N_FEATURES;
     use crate::spec::{LanguagePlace, QuantizerSpec};
     use crate::tokenizer::module::TokenizerModule;
-    use crate::tokenizer::quantizer::Extent;
     use crate::tokenizer::testing::{D_TEXT, Waves, transformer_spec};
 
     /// A transformer that sees captions at both halves.

@@ -228,7 +228,8 @@ mod tests {
 
     use crate::motion::N_FEATURES;
     use crate::spec::{
-        CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec, Representation, ScaleSpec,
+        ArchitectureSpec, CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec,
+        Representation, ScaleSpec,
     };
     use crate::tokenizer::testing::{Waves, patch_spec, small_spec, transformer_spec};
     use crate::tokenizer::{Corpus, train};
