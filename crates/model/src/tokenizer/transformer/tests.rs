@@ -1,5 +1,7 @@
 //! Both halves: their shapes, and what reaches them of a caption.
 
+use std::ops::Range;
+
 use super::*;
 use rand_chacha::rand_core::SeedableRng;
 
