@@ -50,7 +50,13 @@ fn lg_tok_has_its_published_codes() {
     for (name, codes) in [("lg-tok", 236), ("lg-tok-mid", 160), ("lg-tok-mini", 104), ("mosa", 236)]
     {
         let (_, plan) = planned(name);
-        assert_eq!(plan.tokenizers[0].spec.grid().n_codes(196), codes, "{name}");
+        let spec = &plan.tokenizers[0].spec;
+        assert_eq!(spec.grid().n_codes(196), codes, "{name}");
+        // As many latents as the longest scale has codes, of a clip of any length; MoSa's follow the length.
+        let latents = [24, 196].map(|n_frames| spec.architecture.n_latents(n_frames));
+        let longest = spec.quantizer.longest_scale();
+        let shortest = if name == "mosa" { 6 } else { longest };
+        assert_eq!(latents, [shortest, longest], "{name}");
         let QuantizerSpec::Multiscale(quantizer) = quantizer(&plan) else { panic!("{name}") };
         let found: Vec<usize> = quantizer.codebooks.iter().map(CodebookSpec::n_vocab).collect();
         assert_eq!(found, sizes, "{name}");

@@ -18,13 +18,15 @@ use isoflop::spec::{ArchitectureSpec, TransformerSpec};
 use isoflop::tokenizer::{AnyDecoder, AnyEncoder, Captions, Pass};
 use reference::{Reference, TOLERANCE, relative_error};
 
-/// Norm, positions, detokenizer, and the halves that see captions.
-const VARIANTS: [&str; 5] = [
+/// Norm, positions, detokenizer, the halves that see captions, and the number of latents where it is fixed.
+const VARIANTS: [&str; 7] = [
     "post-learned-cross-tokenizer-detokenizer",
     "pre-learned-cross-none",
     "pre-rotary-context-tokenizer-detokenizer",
     "post-rotary-cross-detokenizer",
     "post-learned-context-tokenizer",
+    "post-learned-cross-tokenizer-5-latents",
+    "pre-rotary-cross-detokenizer-5-latents",
 ];
 
 /// What stands in a file of reference values beside its tensors.
@@ -71,8 +73,10 @@ fn compare(variant: &str, device: &Device) {
     let decoder = reference.half("decoder", AnyDecoder::new(&spec, 70, &mut rng, device));
     let captions = reference.captions();
     let mut pass = Pass::reading(Some(&captions));
-    let latents = encoder.forward(reference.tensor("clips", device), &mut pass);
-    let frames = decoder.forward(reference.tensor("latents", device), &mut pass);
+    let clips = reference.tensor("clips", device);
+    let n_frames = clips.dims()[1];
+    let latents = encoder.forward(clips, &mut pass);
+    let frames = decoder.forward(reference.tensor("latents", device), n_frames, &mut pass);
     for (found, expected) in [(latents, "encoded"), (frames, "decoded")] {
         let error = relative_error(&Source::of(found).on_host(), &reference.tensors[expected]);
         eprintln!("{variant}, {device:?}: {expected} is off by {error:.1e} of its norm");

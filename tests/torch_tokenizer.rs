@@ -27,7 +27,7 @@ const WITHIN_IN_THE_END: f64 = 1e-3;
 const STOPPED: i32 = 143;
 
 /// A section and the size of its vocabulary.
-const TOKENIZERS: [(&str, usize); 7] = [
+const TOKENIZERS: [(&str, usize); 9] = [
     ("{kind: fsq, width: 16, depth: 2, batch: 4}", 240),
     // More latents a step than codes.
     ("{kind: vq, width: 16, depth: 2, batch: 8}", 64),
@@ -52,6 +52,17 @@ const TOKENIZERS: [(&str, usize); 7] = [
     (
         "{kind: transformer, width: 16, heads: 2, latent: 8, batch: 4, dropout: 0.1, \
           language: {at: [tokenizer, detokenizer], drop: 0.3}, \
+          quantizer: {kind: multiscale, scales: [1, 2, 4]}}",
+        16,
+    ),
+    (
+        "{kind: transformer, width: 16, heads: 2, latent: 8, batch: 4, latents: 9, positions: rotary, \
+          quantizer: {kind: multiscale, scales: [1, 2, 4, 9]}}",
+        16,
+    ),
+    (
+        "{kind: transformer, width: 16, heads: 2, latent: 8, batch: 4, latents: 9, detokenizer: context, \
+          language: {at: [detokenizer], drop: 0.3}, \
           quantizer: {kind: multiscale, scales: [1, 2, 4]}}",
         16,
     ),

@@ -98,7 +98,7 @@ impl Scalewise {
             codes: &codes,
             lengths: self.lengths.to_vec(),
             inputs: self.lengths[1..].iter().map(|n| vec![0.5; n * self.d_latent]).collect(),
-            n_latents: LATENTS,
+            length: LATENTS,
             supervised: 0..codes.len(),
         };
         Batch::pack(&vec![clip; self.clips], &grid, D_TEXT, model.places())

@@ -58,7 +58,8 @@ impl Halves {
     fn loss(&self, x_btf: Tensor<3>, captions: &Captions) -> Tensor<1> {
         let mut pass = Pass::reading(Some(captions));
         let latents_btc = self.encoder.forward(x_btf.clone(), &mut pass);
-        let off = self.decoder.forward(latents_btc, &mut pass) - x_btf;
+        let n_frames = x_btf.dims()[1];
+        let off = self.decoder.forward(latents_btc, n_frames, &mut pass) - x_btf;
         (off.clone() * off).mean()
     }
 }

@@ -62,7 +62,7 @@ fn places(args: &TokenizeArgs) -> Result<Vec<PathBuf>> {
     Ok(places)
 }
 
-/// The codes of a motion, and its features.
+/// The codes of a motion, and its features; frames after its last whole stride are left out.
 fn encoded(
     tokenizer: &TrainedTokenizer,
     path: &Path,

@@ -223,20 +223,20 @@ impl TrainedTokenizer {
     }
 
     /// The codes of a motion, features `[T, 263]` row-major, and the frames that they cover: those after its last whole
-    /// latent are left out. A tokenizer with language sees the vectors of a caption.
+    /// stride are left out. A tokenizer with language sees the vectors of a caption.
     ///
     /// # Errors
-    /// The motion is shorter than a latent, or [`Tokenizer::encode`] fails.
+    /// The motion is shorter than a stride, or [`Tokenizer::encode`] fails.
     pub fn encode(&self, features: &[f32], text: Option<&[f32]>) -> Result<(Vec<u32>, usize)> {
-        let stride = self.tokenizer.spec().frames_per_latent();
+        let stride = self.tokenizer.spec().stride();
         let n_frames = features.len() / N_FEATURES;
         if n_frames < stride {
-            bail!("it has {n_frames} frames, and the tokenizer's latents take {stride} each");
+            bail!("it has {n_frames} frames, and the tokenizer reads {stride} or more");
         }
         Ok((self.tokenizer.encode(features, text)?, n_frames / stride * stride))
     }
 
-    /// Motion from the codes of a motion: features `[T, 263]`, row-major, without the frames after the last whole latent.
+    /// Motion from the codes of a motion: features `[T, 263]`, row-major, without the frames after the last whole stride.
     ///
     /// # Errors
     /// As [`TrainedTokenizer::embed`] and [`TrainedTokenizer::encode`].

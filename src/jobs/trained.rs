@@ -91,14 +91,14 @@ impl TrainedRun {
     /// Makes a motion of each prompt, all at once.
     ///
     /// # Errors
-    /// [`GeneratorError::NoCode`] for a length below one latent of the tokenizer; as
+    /// [`GeneratorError::NoCode`] for a length below one stride of the tokenizer; as
     /// [`Sampler::sample`].
     pub fn sample(
         &self,
         prompts: &[Prompt],
         sampling: &Sampling,
     ) -> Result<Vec<Sampled>, GeneratorError> {
-        let least = self.tokenizer.spec().frames_per_latent();
+        let least = self.tokenizer.spec().stride();
         let too_short = |prompt: &Prompt| prompt.n_frames.filter(|n_frames| *n_frames < least);
         if let Some(n_frames) = prompts.iter().find_map(too_short) {
             return Err(GeneratorError::NoCode { n_frames, least });
@@ -144,7 +144,7 @@ impl TrainedRun {
         LengthEstimator::open(&self.folder.text(&self.spec.text_id))
     }
 
-    /// A length in frames, of whole latents, that an estimator draws for a caption's vectors, by a seed and an index.
+    /// A length in frames, of whole strides, that an estimator draws for a caption's vectors, by a seed and an index.
     pub fn draw_length(
         &self,
         estimator: &LengthEstimator,
@@ -152,9 +152,9 @@ impl TrainedRun {
         seed: u64,
         index: u64,
     ) -> usize {
-        let latent = self.tokenizer.spec().frames_per_latent();
+        let stride = self.tokenizer.spec().stride();
         let drawn = estimator.draw(text, &mut stream(seed, LENGTHS_STREAM + index));
-        (drawn / latent).max(1) * latent
+        (drawn / stride).max(1) * stride
     }
 
     /// Whether motions can be moved away from those without text.

@@ -137,8 +137,7 @@ fn context(sweep: &Sweep, runs: &[PlannedRun], data: &DataFacts) -> Option<Strin
     let has_clips = sweep.trainer.is_none() && frames > 0;
     let run = runs.iter().find(|run| has_clips && positions(run) > room(run))?;
     let tokenizer = sweep.tokenizer.spec(QuantizerSpec::default(), &sweep.text);
-    let latents = frames / tokenizer.frames_per_latent();
-    let (taken, room, slots) = (positions(run), room(run), latents + 2);
+    let (taken, room, slots) = (positions(run), room(run), frames / tokenizer.stride() + 2);
     Some(format!(
         "a clip of {frames} frames takes {taken} positions, but the models have room for {room}: runs fail \
         on it unless its text is short; set model.motion_slots to {slots} or more"

@@ -43,7 +43,7 @@ fn price_cell(
     let context = Context {
         max_text: sweep.text.max_tokens,
         d_latent: tokenizer.architecture.code_dim(),
-        frames_per_latent: tokenizer.architecture.frames_per_latent(),
+        frames_per_latent: tokenizer.stride(),
         corruption: sweep.model.corruption,
         text_drop: sweep.model.text_drop,
     };

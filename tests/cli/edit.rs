@@ -133,6 +133,23 @@ fn an_edit_moves_no_frame_half_a_second_away_of_several_layers() {
     assert!(drawn.iter().all(inside) && drawn.iter().any(|i| *i > 60), "{drawn:?}");
 }
 
+/// Scales of 1, 8 and 20 codes for 25 latents of 4.8 frames, of which the part has 8 to 16: the codes of eight that add
+/// to these alone are 3 and 4, those of twenty 7 to 12.
+#[test]
+fn an_edit_moves_no_frame_half_a_second_away_of_a_fixed_number_of_latents() {
+    let place = Place::with("generators.yaml");
+    let tokenizer = "tokenizer={kind: transformer, width: 8, layers: 1, heads: 2, latent: 8, latents: 25, \
+                     window: 120, steps: 12, batch: 2, pool_clips: 8, \
+                     quantizer: {kind: multiscale, scales: [1, 8, 20]}}";
+    let one = ["--set", tokenizer, "--set", "generator=scalewise", "--set", "grid.vocab=[16]"];
+    place.isoflop(&[&["run", "generators.yaml"][..], &one].concat()).exits(0);
+    let edits = Edits::new(&place, "results/generators");
+    assert_eq!(edits.codes.len(), 29);
+    let drawn = edits.hold("2..4", 40..80);
+    let inside = |i: &usize| (1 + 3..1 + 5).contains(i) || (9 + 7..9 + 13).contains(i);
+    assert!(!drawn.is_empty() && drawn.iter().all(inside), "{drawn:?}");
+}
+
 /// Scales of 1, 8 and 20 codes for 30 latents, of which the part has 10 to 19. A code of eight adds to 7 or 8 latents,
 /// and none of them to latents of the part alone; of twenty codes 7 to 12 do.
 #[test]

@@ -174,7 +174,7 @@ fn what_cannot_be_tokenized_is_told_and_nothing_is_written() {
     array("short.npy", &[3, 263], 0.5);
     array("kit.npy", &[40, 251], 0.5);
     array("nan.npy", &[40, 263], f32::NAN);
-    refused(&["short.npy"], &[], "has 3 frames, and the tokenizer's latents take 4 each");
+    refused(&["short.npy"], &[], "has 3 frames, and the tokenizer reads 4 or more");
     refused(&["truth/0.npy", "kit.npy"], &[], "kit.npy: has shape [40, 251] where [frames, 263]");
     refused(&["nan.npy"], &[], "nan.npy: holds a number that is not finite, the first at [0, 0]");
     refused(&["mini.yaml"], &[], "mini.yaml: is no motion that can be read");

@@ -4,6 +4,7 @@ use std::fs;
 
 use serde_json::Value;
 
+use super::generate::{made, run_of_kind};
 use super::support::{Place, records};
 
 #[test]
@@ -90,6 +91,27 @@ fn a_sweep_on_codes_of_several_lengths_runs_to_its_laws() {
     assert_eq!(column(&place, "multiscale", "unique_tokens"), ["240"]);
 }
 
+/// Clips of 40 to 196 frames, windows of 64: the longest are encoded in four pieces.
+#[test]
+fn a_sweep_on_a_fixed_number_of_latents_runs_and_makes_motions_of_any_length() {
+    let place = Place::with("language.yaml");
+    let fixed = ["--set", "tokenizer.latents=6", "--set", "grid.vocab=[8]"];
+    place.isoflop(&[&["run", "language.yaml"][..], &fixed].concat()).exits(0);
+    let own = place.json(&format!("{}/metrics.json", first_tokenizer(&place, "language")));
+    assert!(own["frames_per_code"].is_null() && own["continuity"]["jerk_ratio"].is_number());
+    for kind in ["autoregressive", "scalewise"] {
+        let run = run_of_kind(&place.path("results/language"), kind);
+        for frames in ["4", "24", "90", "196"] {
+            let more = ["--frames", frames, "--out", "made", "--overwrite"];
+            for motion in made(&place, &run, &more) {
+                let codes = motion["codes"].as_array().expect("codes").len();
+                let whole = frames.parse::<usize>().expect("a number") / 4 * 4;
+                assert_eq!((codes, motion["length"].as_u64()), (7, Some(whole as u64)), "{kind}");
+            }
+        }
+    }
+}
+
 #[test]
 fn impossible_scales_and_keys_of_another_quantizer_are_refused() {
     let place = Place::with("mini.yaml");
@@ -105,6 +127,15 @@ fn impossible_scales_and_keys_of_another_quantizer_are_refused() {
     refused("{kind: multiscale, scales: []}", "must be one or more numbers above 0");
     refused("{kind: multiscale, scales: [4, 2]}", "each larger than the one before it");
     refused("{kind: multiscale, scales: ful}", "did you mean `full`?");
+    let latents = |more: &str| {
+        let tokenizer = format!("tokenizer={{kind: transformer, {more}}}");
+        place.isoflop(&["plan", "mini.yaml", "--set", &tokenizer]).exits(2)
+    };
+    let scales = "quantizer: {kind: multiscale, scales: [1, 9]}";
+    latents(&format!("latents: 8, {scales}")).says("which has 8 latents: set it to 9 or more");
+    latents(&format!("latents: 65, {scales}")).says("a window has 64 frames");
+    latents("latents: 49").says("belongs to `quantizer: {kind: multiscale}`");
+    latents(&format!("latents: 0, {scales}")).says("0 is out of range: 1 to 16384");
     let short = ["--set", "tokenizer={kind: patch, window: 96, quantizer: {kind: multiscale}}"];
     let plan = [&["plan", "mini.yaml"][..], &short].concat();
     place.isoflop(&plan).exits(2).says("a scale of 49 codes is longer than a window");

@@ -56,7 +56,7 @@ fn scalewise_of(
         codes: &clip.codes,
         lengths: scales.iter().map(|(_, n)| *n).collect(),
         inputs: reference.part(&format!("inputs.{i}.")).into_values().map(|x| x.values).collect(),
-        n_latents: clip.n_latents,
+        length: clip.n_latents,
         supervised: clip.from..clip.to,
     });
     let clips: Vec<scalewise::Clip> = packed.collect();

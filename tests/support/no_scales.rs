@@ -9,8 +9,4 @@ impl ScaleInputs for NoScales {
     fn inputs(&self, _: &[u32], _: usize, _: usize) -> Vec<Vec<f32>> {
         unreachable!("codes are embedded")
     }
-
-    fn n_latents(&self, _: usize) -> usize {
-        unreachable!("codes are embedded")
-    }
 }

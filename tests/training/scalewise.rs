@@ -29,7 +29,7 @@ struct OneHot;
 
 impl ScaleInputs for OneHot {
     fn inputs(&self, codes: &[u32], n_clips: usize, n_frames: usize) -> Vec<Vec<f32>> {
-        let (latents, of_clip) = (self.n_latents(n_frames), codes.len() / n_clips);
+        let (latents, of_clip) = (n_frames / 4, codes.len() / n_clips);
         let shown = (of_clip / latents).min(SCALES - 1);
         let mut inputs = vec![vec![0.0; n_clips * latents * V * SCALES]; shown];
         for (clip, codes) in codes.chunks_exact(of_clip).enumerate() {
@@ -41,10 +41,6 @@ impl ScaleInputs for OneHot {
             }
         }
         inputs
-    }
-
-    fn n_latents(&self, n_frames: usize) -> usize {
-        n_frames / 4
     }
 }
 
@@ -83,7 +79,7 @@ fn nll(model: &Model, text: &[f32], codes: &[u32], shown: &[u32]) -> Vec<Vec<f64
         codes,
         lengths: vec![latents; SCALES],
         inputs: OneHot.inputs(shown, 1, 4 * latents),
-        n_latents: latents,
+        length: latents,
         supervised: 0..codes.len(),
     };
     let losses = model.nll(&Batch::pack(&[clip], &grid(), D_TEXT, model.places()));

@@ -17,18 +17,27 @@ from .network import product
 from .packing import spans
 
 
-def scale_inputs(folder, codes, frames_per_latent):
-    """The inputs of the scales of a tokenizer; None if it has one scale."""
+def scale_inputs(folder, codes, stride):
+    """The inputs of the scales of a tokenizer; None if it has one scale. Clips are measured in strides of frames."""
     if len(codes.scales) == 1:
         return None
     with open(os.path.join(folder, "tokenizer.json")) as file:
-        quantizer = json.load(file)["quantizer"]
+        tokenizer = json.load(file)
+    quantizer, architecture = tokenizer["quantizer"], tokenizer["architecture"]
     kinds = {"multiscale": Multiscale, "residual": Residual}
     if quantizer["kind"] not in kinds:
         raise SystemExit(f"the torch trainer does not know the quantizer `{quantizer['kind']}`")
-    latents = max(int(frames.max(initial=0)) for frames in codes.frames.values()) // frames_per_latent
+    strides = max(int(frames.max(initial=0)) for frames in codes.frames.values()) // stride
     with safe_open(os.path.join(folder, "weights.safetensors"), "pt") as file:
-        return kinds[quantizer["kind"]](quantizer, Weights(file, "quantizer"), latents)
+        return kinds[quantizer["kind"]](quantizer, Weights(file, "quantizer"), architecture, strides)
+
+
+def latents_of(architecture, strides):
+    """The latents of clips: one a stride, or as many for each piece of a clip."""
+    if "latents" not in architecture:
+        return strides
+    pieces = -(-strides // (architecture["span"] // architecture["frames"]))
+    return pieces * architecture["latents"]
 
 
 class Weights:
@@ -71,10 +80,11 @@ class Multiscale(nn.Module):
     where a convolution reads it, and has no weight in what is made of the sums.
     """
 
-    def __init__(self, spec, weights, latents):
+    def __init__(self, spec, weights, architecture, strides):
         super().__init__()
-        own = weights["Multiscale"]
-        self.scales, self.mix, self.latents = spec["scales"], spec["mix"], latents
+        own, latents = weights["Multiscale"], latents_of(architecture, strides)
+        self.architecture, self.latents = architecture, latents
+        self.scales, self.mix = spec["scales"], spec["mix"]
         rows = [codebook_rows(book, own["codebooks"][str(n)]) for n, book in enumerate(spec["codebooks"])]
         self.register_buffer("rows", torch.cat(rows), persistent=False)
         convolutions = 2 if self.mix is None else 1
@@ -88,11 +98,11 @@ class Multiscale(nn.Module):
             self.register_buffer(f"up_{n}", up, persistent=False)
             self.register_buffer(f"down_{n}", down, persistent=False)
 
-    def shown(self, first_row, latents):
+    def shown(self, first_row, strides):
         """The group of a batch that the inputs are made of: a clip's first row of codes, and its latents."""
-        return {"shown_first": first_row, "shown_latents": latents}
+        return {"shown_first": first_row, "shown_latents": latents_of(self.architecture, strides)}
 
-    def at(self, _latents, clip, scale, slot):
+    def at(self, _strides, clip, scale, slot):
         """Where the inputs of codes of later scales stand."""
         starts = np.cumsum([0, *self.scales]) - self.scales[0]
         return clip * (sum(self.scales) - self.scales[0]) + starts[scale] + slot
@@ -127,7 +137,7 @@ class Multiscale(nn.Module):
 class Residual(nn.Module):
     """Layers of one length, a code of each for a latent: the sum of the layers before."""
 
-    def __init__(self, spec, weights, _latents):
+    def __init__(self, spec, weights, _architecture, _strides):
         super().__init__()
         layers, book = range(spec["layers"]), spec["codebook"]
         self.n_layers, self.out = spec["layers"], book["kind"] == "fsq"

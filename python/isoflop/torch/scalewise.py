@@ -123,11 +123,11 @@ class NextScale:
         clip, scale, slot = self._scales(lengths)
         layout = Layout.of(prefix, lengths.sum(1), seen(np.cumsum(lengths, 1)[clip, scale]))
         words, text_at = text_rows(self.captions, parts.caption, layout)
-        latents = self.codes.frames[split][parts.clip] // self.own["frames_per_latent"]
-        rows = self._rows(layout, latents, (clip, scale, slot), shown)
+        strides = self.codes.frames[split][parts.clip] // self.own["frames_per_latent"]
+        rows = self._rows(layout, strides, (clip, scale, slot), shown)
         groups = {"row": rows | {"text_at": text_at}, "word": {"words": words}}
         if self.model.inputs is not None:
-            groups["shown"] = self.model.inputs.shown(layout.starts + prefix, latents)
+            groups["shown"] = self.model.inputs.shown(layout.starts + prefix, strides)
         # Codes that are supervised, among all of the batch.
         asked, place = spans(parts.last - parts.first)
         n_codes = lengths.sum(1)
@@ -138,7 +138,7 @@ class NextScale:
         columns = int(self.n_vocab[scale[at]].sum()) + int((scale > 0).sum()) * self.own["d_latent"]
         return Packed(groups, layout, self.spec.forward_flops(layout, len(words), columns))
 
-    def _rows(self, layout, latents, codes, shown):
+    def _rows(self, layout, strides, codes, shown):
         """The arrays of the rows of a batch; -1 stands for no slot, no level, no length."""
         clip, scale, slot = codes
         row, n = np.flatnonzero(~layout.is_text), len(layout.place)
@@ -149,7 +149,7 @@ class NextScale:
             return array
 
         angle = self.places.n_text - layout.prefix[layout.sequence] + layout.place
-        length = latents.clip(1, self.own["most_latents"]) - 1
+        length = strides.clip(1, self.own["most_latents"]) - 1
         rows = {"ids": of_codes(shown, 0), "level": of_codes(scale, -1)}
         rows["slot"] = of_codes(np.where(scale == 0, slot, -1), -1)
         rows["length"] = of_codes(np.where(scale == 0, length[clip], -1), length[layout.sequence])
@@ -158,7 +158,7 @@ class NextScale:
             # Rows without inputs have some or other, as those of codes have some word.
             later = scale > 0
             rows["input_at"] = np.arange(n) % max(1, int(later.sum()))
-            at = self.model.inputs.at(latents, clip[later], scale[later], slot[later])
+            at = self.model.inputs.at(strides, clip[later], scale[later], slot[later])
             rows["input_at"][row[later]] = at
         return rows
 

@@ -40,23 +40,21 @@ impl Source {
         if asked < own {
             bail!("{} has {own} frames; ask for no fewer than that", path.display());
         }
-        let frames = tokenizer.spec().frames_per_latent();
-        let n_latents = asked / frames;
+        let (kind, stride) = (&tokenizer.spec().architecture, tokenizer.spec().stride());
+        let whole = asked / stride * stride;
         let last = features[features.len() - N_FEATURES..].to_vec();
         features.extend(last.repeat(asked - own));
-        features.truncate(n_latents * frames * N_FEATURES);
+        features.truncate(whole * N_FEATURES);
         // By the middle of a latent or frame, in frames.
         let is_anew = |middle: f64| {
             middle >= own as f64 || args.anew.iter().any(|span| span.contains(&(middle / fps)))
         };
-        let middle = |latent: usize| (latent as f64 + 0.5) * frames as f64;
-        let anew: Vec<bool> = (0..n_latents).map(|latent| is_anew(middle(latent))).collect();
+        let anew: Vec<bool> = kind.middles(whole).into_iter().map(is_anew).collect();
         if !anew.contains(&true) {
             let length = own as f64 / fps;
             bail!("--anew names no part of {}, which is {length:.2} s long", path.display());
         }
-        let part: Vec<bool> =
-            (0..n_latents * frames).map(|frame| is_anew(frame as f64 + 0.5)).collect();
+        let part: Vec<bool> = (0..whole).map(|frame| is_anew(frame as f64 + 0.5)).collect();
         let weights = join_weights(&part, (args.fade * fps).round() as usize);
         let codes = tokenizer.encode_uncaptioned(&features);
         let rest = match args.paste {

@@ -25,9 +25,6 @@ pub trait ScaleInputs {
     /// latents, resized to the scale. The codes are of `n_clips` clips of `n_frames` frames, clip by clip, scale by scale.
     /// A prefix of the scales is allowed; returns one input per given scale, except after the last.
     fn inputs(&self, codes: &[u32], n_clips: usize, n_frames: usize) -> Vec<Vec<f32>>;
-
-    /// Latents of a clip of so many frames.
-    fn n_latents(&self, n_frames: usize) -> usize;
 }
 
 // [`GeneratorError`]: why a run ends without a result.

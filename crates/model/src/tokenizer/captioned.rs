@@ -64,7 +64,6 @@ mod tests {
     use crate::motion::N_FEATURES;
     use crate::spec::{LanguagePlace, QuantizerSpec};
     use crate::tokenizer::module::TokenizerModule;
-    use crate::tokenizer::quantizer::Extent;
     use crate::tokenizer::testing::{D_TEXT, Waves, transformer_spec};
 
     /// A transformer that sees captions at both halves.
@@ -109,10 +108,7 @@ mod tests {
     fn guidance_goes_on_from_what_is_made_without_the_caption_to_what_is_made_with_it() {
         let (tokenizer, caption, ids) = (with_language(), caption(), [3, 9, 120]);
         let guided = |g: f64| tokenizer.decode(&ids, 12, Some(&caption), g).unwrap();
-        let made = |captions: &Captions| {
-            let extent = Extent { n_clips: 1, n_latents: 3 };
-            tokenizer.decode_stack(&ids, extent, Some(captions), 0.0)
-        };
+        let made = |captions: &Captions| tokenizer.decode_stack(&ids, [1, 12], Some(captions), 0.0);
         let with = made(&Captions::of([&caption[..]], D_TEXT));
         let without = made(&Captions::none(1));
         assert_eq!(guided(0.0), with);

@@ -79,7 +79,7 @@ impl Tokenizer {
     /// Codes of one clip's raw features, row-major `[n_frames, n_features]`.
     ///
     /// A tokenizer with language sees the clip's caption, row-major `[words, dim]`; others look at none.
-    /// Frames after the last whole latent are left out; fewer frames than one latent's have no codes.
+    /// Frames after the last whole stride are left out; fewer frames than one stride have no codes.
     ///
     /// # Errors
     /// If a tokenizer with language is given no caption, or one of another width.
@@ -94,16 +94,16 @@ impl Tokenizer {
 
     /// The same with captions at hand.
     pub(super) fn encode_with(&self, features: &[f32], captions: Option<&Captions>) -> Vec<u32> {
-        let latent = self.spec.frames_per_latent() * self.stats.mean.len();
-        let n_latents = features.len() / latent;
-        if n_latents == 0 {
+        let stride = self.spec.stride() * self.stats.mean.len();
+        let whole = features.len() / stride * stride;
+        if whole == 0 {
             return Vec::new();
         }
-        self.encode_stack(features[..n_latents * latent].to_vec(), 1, captions)
+        self.encode_stack(features[..whole].to_vec(), 1, captions)
     }
 
     /// Raw features of the codes of one clip of `n_frames` frames, row-major `[n_frames, n_features]`,
-    /// without the frames after the last whole latent.
+    /// without the frames after the last whole stride.
     ///
     /// A tokenizer with language reads the clip's caption, like [`Tokenizer::encode`]; `guidance` g gives (1 + g) m_c −
     /// g m_u, with m_u decoded without the caption. LG-Tok uses 2 for HumanML3D and 1 for Motion-X; 0 reconstructs.
@@ -129,14 +129,14 @@ impl Tokenizer {
         captions: Option<&Captions>,
         guidance: f64,
     ) -> Result<Vec<f32>, TokenizerError> {
-        let n_latents = self.n_latents(n_frames);
-        // A clip without a whole latent has no codes.
-        let wanted = if n_latents == 0 { 0 } else { self.spec.grid().n_codes(n_frames) };
+        let whole = n_frames / self.spec.stride() * self.spec.stride();
+        // A clip without a whole stride has no codes.
+        let wanted = if whole == 0 { 0 } else { self.spec.grid().n_codes(n_frames) };
         let found = ids.len();
         if found != wanted {
             return Err(TokenizerError::CodeCount { found, wanted, n_frames });
         }
-        if n_latents == 0 {
+        if whole == 0 {
             return Ok(Vec::new());
         }
         let grid = self.spec.grid();
@@ -145,8 +145,7 @@ impl Tokenizer {
         if let Some((&id, n_vocab)) = ids.iter().zip(sizes).find(|(id, n)| **id as usize >= *n) {
             return Err(TokenizerError::UnknownCode { id, n_vocab });
         }
-        let extent = Extent { n_clips: 1, n_latents };
-        Ok(self.decode_stack(ids, extent, captions, guidance))
+        Ok(self.decode_stack(ids, [1, whole], captions, guidance))
     }
 
     /// The quantizer, for a generator that makes codes scale after scale.
@@ -154,7 +153,7 @@ impl Tokenizer {
         &*self.module.quantizer
     }
 
-    /// Codes, clip after clip, of the raw features of `n_clips` clips of one length in whole latents.
+    /// Codes, clip after clip, of the raw features of `n_clips` clips of one length in whole strides.
     pub(super) fn encode_stack(
         &self,
         features: Vec<f32>,
@@ -168,17 +167,22 @@ impl Tokenizer {
         self.module.ids(Tensor::from_data(data, &self.device), captions)
     }
 
-    /// Raw features, clip after clip, of the codes of clips of one length.
+    /// Raw features, clip after clip, of the codes of `n_clips` clips of `n_frames` frames in whole strides.
     pub(super) fn decode_stack(
         &self,
         ids: &[u32],
-        extent: Extent,
+        [n_clips, n_frames]: [usize; 2],
         captions: Option<&Captions>,
         guidance: f64,
     ) -> Vec<f32> {
-        let values = host(self.module.decode(ids, extent, captions, guidance));
-        let n_frames = extent.n_latents * self.spec.frames_per_latent();
+        let latents_blc = self.quantizer().embed(ids, self.extent(n_clips, n_frames));
+        let values = host(self.module.decode(latents_blc, n_frames, captions, guidance));
         self.normaliser.undo(values, n_frames, self.fps)
+    }
+
+    /// The latents of clips of so many frames.
+    fn extent(&self, n_clips: usize, n_frames: usize) -> Extent {
+        Extent { n_clips, n_latents: self.spec.architecture.n_latents(n_frames) }
     }
 
     /// Writes `weights.safetensors`, then `tokenizer.json`, each whole, by rename.
@@ -210,13 +214,9 @@ const FPS: &str = "fps";
 
 impl ScaleInputs for Tokenizer {
     fn inputs(&self, codes: &[u32], n_clips: usize, n_frames: usize) -> Vec<Vec<f32>> {
-        let extent = Extent { n_clips, n_latents: self.n_latents(n_frames) };
+        let extent = self.extent(n_clips, n_frames);
         let inputs = self.quantizer().inputs(codes, extent).into_iter();
         inputs.map(host).collect()
-    }
-
-    fn n_latents(&self, n_frames: usize) -> usize {
-        n_frames / self.spec.frames_per_latent()
     }
 }
 
@@ -228,7 +228,8 @@ mod tests {
 
     use crate::motion::N_FEATURES;
     use crate::spec::{
-        CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec, Representation, ScaleSpec,
+        ArchitectureSpec, CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec,
+        Representation, ScaleSpec,
     };
     use crate::tokenizer::testing::{Waves, patch_spec, small_spec, transformer_spec};
     use crate::tokenizer::{Corpus, train};
@@ -289,6 +290,38 @@ mod tests {
             assert_eq!(decode(&ids, 23).len(), 20 * 5);
             assert!(codes(3).is_empty() && decode(&[], 3).is_empty());
         }
+    }
+
+    #[test]
+    fn clips_of_any_length_have_a_fixed_number_of_latents_and_their_own_frames() {
+        let mut section = QuantizerKind::Multiscale.section();
+        section.scales = Some(ScaleSpec::List(vec![1, 2, 5]));
+        let mut spec = transformer_spec(&[], section.of_size(16).unwrap(), 3);
+        let ArchitectureSpec::Transformer(sizes) = &mut spec.architecture else { panic!() };
+        sizes.latents = Some(5);
+        let source = Waves::new(&[40, 12, 16, 4], N_FEATURES);
+        let keep_on = &mut |_| std::ops::ControlFlow::Continue(());
+        let corpus = Corpus::wordless(&source);
+        let tokenizer = train(&spec, &corpus, &Device::flex(), None, keep_on).unwrap();
+        let features = source.clip(0, 0);
+        // Windows have 16 frames, so that clips of 23 and 40 are encoded in two pieces and in three.
+        for (n_frames, whole, latents) in
+            [(4, 4, 5), (8, 8, 5), (16, 16, 5), (23, 20, 10), (40, 40, 15)]
+        {
+            let ids = tokenizer.encode(&features[..n_frames * N_FEATURES], None).unwrap();
+            assert_eq!((ids.len(), tokenizer.extent(1, n_frames).n_latents), (8, latents));
+            let made = tokenizer.decode(&ids, n_frames, None, 0.0).unwrap();
+            assert_eq!(made.len(), whole * N_FEATURES);
+            assert!(made.iter().all(|x| x.is_finite()));
+            let inputs = tokenizer.inputs(&ids, 1, n_frames);
+            let lengths: Vec<usize> = inputs.iter().map(|input| input.len() / 4).collect();
+            assert_eq!(lengths, [2, 5]);
+        }
+        // The same codes are stretched over as many frames as are asked for.
+        let ids = tokenizer.encode(&features[..16 * N_FEATURES], None).unwrap();
+        let [short, long] = [8, 16].map(|n| tokenizer.decode(&ids, n, None, 0.0).unwrap());
+        assert_ne!(short, long[..8 * N_FEATURES]);
+        assert!(tokenizer.encode(&features[..3 * N_FEATURES], None).unwrap().is_empty());
     }
 
     #[test]

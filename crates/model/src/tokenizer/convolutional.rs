@@ -143,7 +143,7 @@ impl Decoder {
 }
 
 impl Decode for Decoder {
-    fn forward(&self, latents_btc: Tensor<3>, _: &mut Pass) -> Tensor<3> {
+    fn forward(&self, latents_btc: Tensor<3>, _: usize, _: &mut Pass) -> Tensor<3> {
         let x_btc = relu(self.input.forward(latents_btc));
         let x_btc = self.stages.iter().fold(x_btc, |x, stage| stage.forward(x));
         self.output.forward(self.hidden.forward(x_btc))
@@ -175,7 +175,7 @@ mod tests {
         let latents = encoder.forward(Tensor::ones([2, 20, 11], &device), &mut Pass::default());
         assert_eq!(latents.dims(), [2, 5, 8]);
         let decoder = Decoder::new(&sizes(8), 11, &mut rng, &device);
-        assert_eq!(decoder.forward(latents, &mut Pass::default()).dims(), [2, 20, 11]);
+        assert_eq!(decoder.forward(latents, 20, &mut Pass::default()).dims(), [2, 20, 11]);
     }
 
     #[test]

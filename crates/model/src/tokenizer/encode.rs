@@ -48,7 +48,7 @@ fn tokenize_split(
     parts: Parts,
 ) -> Result<Option<SplitTokens>, TokenizerError> {
     let (source, captions) = (corpus.source, corpus.read_by(tokenizer.spec())?);
-    let batches = equal_length_batches(source, split, tokenizer.spec().frames_per_latent())?;
+    let batches = equal_length_batches(source, split, tokenizer.spec().stride())?;
     let encode = |batch: &ClipBatch| {
         let features = batch.features(source, split)?;
         let captions = captions.as_ref().map(|read| read.of(split, &batch.indices));

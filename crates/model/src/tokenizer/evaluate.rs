@@ -18,7 +18,7 @@ use super::corpus::{ClipBatch, Corpus, equal_length_batches};
 use super::halves::Captions;
 use super::module::TokenizerModule;
 use super::pool::WindowPool;
-use super::quantizer::{Extent, by_scale};
+use super::quantizer::by_scale;
 use crate::codes::{
     Baseline, CodeHistogram, Continuity, Length, Scale, ScaleUse, TokenizerMetrics,
 };
@@ -70,7 +70,7 @@ pub fn evaluate(
         train_steps: spec.training.steps,
         wall_s,
         scales: Some(scales.iter().map(ScaleUse::of).collect()),
-        frames_per_code: has_frames.then(|| spec.frames_per_latent()),
+        frames_per_code: has_frames.then(|| spec.stride()),
         seed: Some(spec.training.seed),
         continuity: Some(made.continuity),
         continuity_by_source: by_source(corpus.source, Split::Test, &test),
@@ -156,7 +156,7 @@ fn scores(
     guidance: f64,
 ) -> Result<Vec<Score>, TokenizerError> {
     let (source, captions) = (corpus.source, corpus.read_by(tokenizer.spec())?);
-    let batches = equal_length_batches(source, split, tokenizer.spec().frames_per_latent())?;
+    let batches = equal_length_batches(source, split, tokenizer.spec().stride())?;
     if batches.is_empty() {
         return Err(empty_split(corpus, split));
     }
@@ -183,8 +183,7 @@ fn score(
 ) -> Score {
     let n_clips = batch.indices.len();
     let ids = tokenizer.encode_stack(truth.clone(), n_clips, captions);
-    let n_latents = batch.n_frames / tokenizer.spec().frames_per_latent();
-    let mut made = tokenizer.decode_stack(&ids, Extent { n_clips, n_latents }, captions, guidance);
+    let mut made = tokenizer.decode_stack(&ids, [n_clips, batch.n_frames], captions, guidance);
     let std = &tokenizer.stats().std;
     let values = truth.iter().zip(&made).zip(std.iter().cycle());
     let l1: f64 = values.map(|((a, b), std)| f64::from((a - b).abs() / std)).sum();
@@ -195,10 +194,10 @@ fn score(
     };
     let (true_joints, own_joints) = (joints(&truth), joints(&made));
     let mpjpe_mm = mpjpe(&true_joints, &own_joints);
-    let (stride, fps) = (tokenizer.spec().frames_per_latent(), tokenizer.fps());
+    let latents = tokenizer.spec().architecture.latents_of_frames(batch.n_frames);
     let clips = batch.indices.iter().zip(own_joints.iter().zip(&true_joints));
     let course = |(&clip, (made, truth)): (&usize, (&Vec<Pose>, &Vec<Pose>))| {
-        (clip, Course::of(made, truth, stride, fps))
+        (clip, Course::of([made, truth], &latents, tokenizer.fps()))
     };
     let courses = clips.map(course).collect();
     let turns = truth.chunks_exact(std.len()).map(|frame| frame[ROOT_YAW]);
@@ -235,7 +234,7 @@ pub fn k_means_baseline(
     let Some(spec) = beside.k_means_beside() else { return Ok(None) };
     let pool = WindowPool::load(source, &spec, &mut ChaCha8Rng::seed_from_u64(0))?;
     let n_features = source.stats().mean.len();
-    let n_patches = pool.n_patches(spec.frames_per_latent());
+    let n_patches = pool.n_patches(spec.stride());
     let n_codes = spec.quantizer.codebooks().first().map_or(0, CodebookSpec::n_vocab);
     if n_patches < FEWEST_PER_CODE * n_codes {
         return Ok(None);

@@ -1,7 +1,7 @@
 //! The two halves of a tokenizer, and their inputs other than features and latents.
 //!
-//! Shapes: b clips, t frames, f features, c latent channels; t/s latents where a latent stands for s
-//! frames.
+//! Shapes: b clips, t frames, f features, c latent channels; l latents of t frames, as many as
+//! [`ArchitectureSpec::n_latents`](crate::spec::ArchitectureSpec::n_latents) says.
 
 use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
@@ -9,7 +9,7 @@ use rand_chacha::rand_core::Rng;
 
 /// Normalised features to latents.
 pub trait Encode {
-    /// `[b, t, f]` to `[b, t/s, c]`; t is a multiple of s.
+    /// `[b, t, f]` to `[b, l, c]`; t is a multiple of the stride.
     fn forward(&self, x_btf: Tensor<3>, pass: &mut Pass) -> Tensor<3>;
 
     /// Begins from patches, `[n, s·f]`.
@@ -18,8 +18,8 @@ pub trait Encode {
 
 /// Latents to normalised features.
 pub trait Decode {
-    /// `[b, t/s, c]` to `[b, t, f]`.
-    fn forward(&self, latents_btc: Tensor<3>, pass: &mut Pass) -> Tensor<3>;
+    /// `[b, l, c]` to the `n_frames` frames that had these latents, `[b, t, f]`.
+    fn forward(&self, latents_blc: Tensor<3>, n_frames: usize, pass: &mut Pass) -> Tensor<3>;
 
     /// Begins from the latents of patches, `[n, c]`.
     fn begin(&mut self, _latents_nc: &Tensor<2>, _patches_np: &Tensor<2>) {}
@@ -88,7 +88,7 @@ pub struct Captions {
     vectors: Vec<f32>,
     /// Words of each clip's caption.
     words: Vec<usize>,
-    /// For each latent of a clip, whether its frames read the caption in decoding; empty if all do.
+    /// For each latent of a clip, whether the frames in its span read the caption in decoding; empty if all do.
     read_by: Vec<bool>,
 }
 

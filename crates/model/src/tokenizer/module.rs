@@ -1,7 +1,7 @@
 //! [`TokenizerModule`]: encoder, quantizer and decoder as one trainable module; only this file matches on their
 //! kinds.
 //!
-//! Shapes: b clips, t frames, f features, c latent channels, n = b·t/s latents.
+//! Shapes: b clips, t frames, f features, l latents of a clip, c latent channels, n latents of all clips.
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
@@ -168,7 +168,7 @@ impl TokenizerModule {
         let mut module = Self::new(spec, n_features, &mut rng, device);
         if let Some(BegunFrom { weights, codes }) = spec.begun_from() {
             let plain = device.clone().inner();
-            let frames = spec.architecture.frames_per_latent();
+            let frames = spec.stride();
             let patches_np = rows(&Vec::from_iter(pool.patches(frames, weights)), &plain);
             module.encoder.begin(&patches_np);
             let latents_nc = module.latents(patches_np.clone(), n_features);
@@ -197,13 +197,14 @@ impl TokenizerModule {
         x_btf: Tensor<3>,
         pass: &mut Pass,
     ) -> (Tensor<3>, Option<Tensor<1>>) {
+        let n_frames = x_btf.dims()[1];
         let latents_btc = self.encoder.forward(x_btf, pass);
         let Quantized { quantized_btc, auxiliary_loss } = if self.codes_are_fixed {
             self.quantize_fixed(latents_btc.detach())
         } else {
             self.quantizer.quantize(latents_btc)
         };
-        (self.decoder.forward(quantized_btc, pass), auxiliary_loss)
+        (self.decoder.forward(quantized_btc, n_frames, pass), auxiliary_loss)
     }
 
     /// Embeddings of the codes of latents, without gradient; no code moves.
@@ -219,21 +220,21 @@ impl TokenizerModule {
         self.quantizer.ids(self.encoder.forward(x_btf, &mut Pass::reading(captions)))
     }
 
-    /// Features `[b, t, f]` of the codes of clips of one length.
+    /// Features `[b, t, f]` of quantized latents `[b, l, c]`, those of clips of `n_frames` frames.
     ///
     /// With language-free guidance g other than 0 these are (1 + g) m_c − g m_u, with m_c decoded with captions and m_u
     /// without (LG-Tok).
     pub fn decode(
         &self,
-        ids: &[u32],
-        extent: Extent,
+        latents_blc: Tensor<3>,
+        n_frames: usize,
         captions: Option<&Captions>,
         guidance: f64,
     ) -> Tensor<3> {
-        let latents_btc = self.quantizer.embed(ids, extent);
-        let none = Captions::none(extent.n_clips);
-        let made =
-            |captions| self.decoder.forward(latents_btc.clone(), &mut Pass::reading(captions));
+        let none = Captions::none(latents_blc.dims()[0]);
+        let made = |captions| {
+            self.decoder.forward(latents_blc.clone(), n_frames, &mut Pass::reading(captions))
+        };
         if captions.is_none() || guidance == 0.0 {
             return made(captions);
         }

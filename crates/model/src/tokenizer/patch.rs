@@ -109,7 +109,7 @@ impl PatchDecoder {
 }
 
 impl Decode for PatchDecoder {
-    fn forward(&self, latents_btc: Tensor<3>, _: &mut Pass) -> Tensor<3> {
+    fn forward(&self, latents_btc: Tensor<3>, _: usize, _: &mut Pass) -> Tensor<3> {
         let [b, t, k] = latents_btc.dims();
         let latents_nk = latents_btc.reshape([b * t, k]);
         let begun = self.line.forward(latents_nk.clone());

@@ -42,7 +42,7 @@ impl WindowPool {
         rng: &mut ChaCha8Rng,
     ) -> Result<Self, TokenizerError> {
         let by_frames = spec.training.loss == TokenizerLoss::Joints;
-        let least = if by_frames { spec.frames_per_latent() } else { spec.training.window };
+        let least = if by_frames { spec.stride() } else { spec.training.window };
         let chosen = choose(&usable(source, least)?, spec.training.pool_clips, rng);
         let normaliser = Normaliser::new(spec, source.stats());
         let load = |&index: &usize| {

@@ -125,14 +125,15 @@ impl<'a> Reconstructing<'a> {
 
     /// Frames of the windows of a step: random, if the architecture needs all lengths.
     fn window_frames(&mut self) -> usize {
-        let (window, stride) =
-            (self.spec.training.window, self.spec.architecture.frames_per_latent());
+        let (window, stride) = (self.spec.training.window, self.spec.stride());
         let share = self.spec.architecture.shortest_window();
         if share == 1.0 {
             return window;
         }
         let most = window / stride;
-        let longest_scale = self.spec.quantizer.longest_scale();
+        // A scale needs as many latents as it has codes, which a fixed number of them are.
+        let fixed = self.spec.architecture.fixed_latents().is_some();
+        let longest_scale = if fixed { 0 } else { self.spec.quantizer.longest_scale() };
         let least = ((share * most as f64) as usize).max(longest_scale).max(1);
         (least + below(&mut self.draws, most - least + 1)) * stride
     }

@@ -70,8 +70,8 @@ pub use run::{
 };
 pub use tokenizer::{
     ArchitectureSpec, BegunFrom, Codes, ConvolutionalSpec, Detokenizer, LanguagePlace,
-    LanguageSection, LanguageSpec, NormPlacement, PatchSpec, Plateau, Positions, SWIGLU_RATIO,
-    TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerSpec,
+    LanguageSection, LanguageSpec, NormPlacement, PatchSpec, Piece, Plateau, Positions,
+    SWIGLU_RATIO, TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerSpec,
     TokenizerTrainer, TokenizerTraining, TransformerSpec,
 };
 

@@ -80,7 +80,7 @@ class Decoder(nn.Module):
         self.output = Conv(w, n_features, rectify=True)
         self.stages = nn.ModuleList(UpStage(w, depth) for _ in range(sizes["down"]))
 
-    def forward(self, latents, said, noise):
+    def forward(self, latents, _n_frames, said, noise):
         x = self.input(latents.transpose(1, 2)).relu()
         for stage in self.stages:
             x = stage(x)

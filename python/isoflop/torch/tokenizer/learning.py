@@ -33,7 +33,7 @@ class Tokenizer(nn.Module):
         """What is made of windows `[b, t, f]`, and the quantizer's own loss or None."""
         latents = only(self.encoder)(x, said, noise)
         codes, loss = quantized(self.quantizer, latents)
-        return only(self.decoder)(codes, said, noise), loss
+        return only(self.decoder)(codes, x.shape[1], said, noise), loss
 
 
 class Learning:

@@ -29,7 +29,8 @@ class Spec:
         return self.architecture["kind"] == "transformer"
 
     @property
-    def frames_per_latent(self):
+    def stride(self):
+        """Frames that windows are multiples of."""
         return self.architecture["frames"] if self.is_transformer else 2 ** self.architecture["down"]
 
     @property
@@ -43,11 +44,13 @@ class Spec:
         return self.training["loss"] == "joints"
 
     def shortest_window(self):
-        """Latents of the shortest window; as many as of the longest one if all are of one length."""
-        most = self.training["window"] // self.frames_per_latent
+        """Strides of the shortest window; as many as of the longest one if all are of one length."""
+        most = self.training["window"] // self.stride
         if not self.is_transformer:
             return most
-        return max(int(0.25 * most), *self.quantizer.get("scales", [1]), 1)
+        # As many latents as the longest scale has codes, which a fixed number of them are.
+        scales = [] if "latents" in self.architecture else self.quantizer.get("scales", [])
+        return max(int(0.25 * most), *scales, 1)
 
     def learning_rate(self, step):
         """The rate of a step, counted from 0: a linear warm-up, then a fall at once or along a cosine."""

@@ -23,28 +23,49 @@ class Said:
         self.vectors, self.words = vectors, words
 
 
+def most_latents(sizes):
+    """Latents of the longest window."""
+    return sizes.get("latents") or sizes["span"] // sizes["frames"]
+
+
 class Places(nn.Module):
-    """The angles of latents, frames and words on the rotary index, `[2, n, c / 2]` of each."""
+    """The angles of latents, frames and words on the rotary index, `[2, n, c / 2]` of each; where a window of any length
+    has as many latents, those of latents for each length, `[strides, 2, n, c / 2]`."""
 
     def __init__(self, sizes, sees_text):
         super().__init__()
         self.c = sizes["width"] // sizes["heads"]
-        frames, most = sizes["frames"], sizes["span"] // sizes["frames"]
+        self.frames_each, self.fixed = sizes["frames"], "latents" in sizes
+        most = most_latents(sizes)
         words = sizes["language"]["max_tokens"] if sees_text else 0
         latents, before = torch.arange(most, dtype=torch.float64), words + most
         if sizes["positions"] == "rotary":
-            latents, before = (latents + 0.5) * frames - 0.5, words
+            latents, before = self._middles(latents + 0.5, sizes["span"] // sizes["frames"]), words
+        elif self.fixed:
+            latents = latents.expand(sizes["span"] // sizes["frames"], -1)
         all_frames = torch.arange(sizes["span"], dtype=torch.float64)
         self._turn("latents", words + latents)
         self._turn("frames", before + all_frames)
         self._turn("words", torch.arange(max(1, words)))
 
+    def _middles(self, latents, strides):
+        """The middles of the latents' spans; of as many in any window, for windows of 1, 2, ... strides."""
+        if not self.fixed:
+            return latents * self.frames_each - 0.5
+        frames = torch.arange(1, strides + 1, dtype=torch.float64)[:, None] * self.frames_each
+        return latents * (frames / len(latents)) - 0.5
+
     def _turn(self, name, places):
-        """Cosines and sines of places, `[2, n, c / 2]`, computed in double precision."""
+        """Cosines and sines of places, `[..., 2, n, c / 2]`, computed in double precision."""
         rates = ROPE_BASE ** (-2.0 * torch.arange(self.c // 2, dtype=torch.float64) / self.c)
-        angles = places.double()[:, None] * rates
-        turns = torch.stack([angles.cos(), angles.sin()]).float()
+        angles = places.double()[..., None] * rates
+        turns = torch.stack([angles.cos(), angles.sin()], -3).float()
         self.register_buffer(name, turns, persistent=False)
+
+    def of_latents(self, n_frames):
+        """The angles of the latents of a window, `[2, n, c / 2]`."""
+        strides = n_frames // self.frames_each
+        return self.latents[strides - 1] if self.fixed else self.latents[:, :strides]
 
 
 def turned(x, turns):
@@ -180,18 +201,17 @@ class Encoder(nn.Module):
 
     def __init__(self, sizes, n_features):
         super().__init__()
-        width, self.frames = sizes["width"], sizes["frames"]
-        self.n_seen = min(N_SEEN, n_features)
-        self.motion, self.latents = Linear(self.n_seen, width), empty(sizes["span"] // self.frames, width)
+        width, self.n_seen = sizes["width"], min(N_SEEN, n_features)
+        self.motion, self.latents = Linear(self.n_seen, width), empty(most_latents(sizes), width)
         self.text = Linear(sizes["language"]["dim"], width) if sees(sizes, "tokenizer") else None
         self.layers, self.output = Layers(sizes), Conv(width, sizes["latent"])
         self.places = Places(sizes, self.text is not None)
 
     def forward(self, x, said, noise):
         b, f = x.shape[:2]
-        t = f // self.frames
+        turns, there = [self.places.of_latents(f), self.places.frames[:, :f]], None
+        t = turns[0].shape[1]
         rows = [self.latents[:t].expand(b, t, -1), self.motion(x[..., : self.n_seen])]
-        turns, there = [self.places.latents[:, :t], self.places.frames[:, :f]], None
         if self.text is not None:
             m = said.vectors.shape[1]
             rows.append(self.text(said.vectors))
@@ -206,27 +226,26 @@ class Decoder(nn.Module):
 
     def __init__(self, sizes, n_features):
         super().__init__()
-        width, self.frames = sizes["width"], sizes["frames"]
+        width = sizes["width"]
         self.input, self.mask = Conv(sizes["latent"], width), empty(1, width)
         self.rotary, self.crosses = sizes["positions"] == "rotary", sizes["detokenizer"] == "cross"
         if not self.rotary:
             self.frame_positions = empty(sizes["span"], width)
-            self.latent_positions = empty(sizes["span"] // self.frames, width)
+            self.latent_positions = empty(most_latents(sizes), width)
         self.text = Linear(sizes["language"]["dim"], width) if sees(sizes, "detokenizer") else None
         parts = ("latents", "text") if self.text is not None else ("latents",)
         self.layers = Layers(sizes, parts if self.crosses else ())
         self.output = Linear(width, n_features)
         self.places = Places(sizes, self.text is not None)
 
-    def forward(self, latents, said, noise):
+    def forward(self, latents, f, said, noise):
         b, t, _ = latents.shape
-        f, latents = t * self.frames, self.input.along(latents)
-        frames = self.mask.expand(t * self.frames, -1)
+        latents, frames = self.input.along(latents), self.mask.expand(f, -1)
         if not self.rotary:
             latents, frames = latents + self.latent_positions[:t], frames + self.frame_positions[:f]
         frames = frames.expand(b, f, -1)
         words, there = self.words(said) if self.text is not None else (None, None)
-        turns = self.places.frames[:, :f], self.places.latents[:, :t]
+        turns = self.places.frames[:, :f], self.places.of_latents(f)
         if self.crosses:
             memories = {"latents": Memory(latents, turns=turns if self.rotary else (None, None))}
             memories["text"] = Memory(words, there)

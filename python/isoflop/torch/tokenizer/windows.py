@@ -39,7 +39,7 @@ class Windows:
 
     def __init__(self, spec, pool, device):
         self.spec, self.pool, self.device = spec, pool, device
-        self.batch, self.stride = spec.training["batch"], spec.frames_per_latent
+        self.batch, self.stride = spec.training["batch"], spec.stride
         self.least, self.most = spec.shortest_window(), spec.training["window"] // self.stride
         self.per_step = 2 * self.batch + int(spec.is_transformer)
         self.first, self.drawn = 0, np.empty((0, self.per_step), np.uint64)

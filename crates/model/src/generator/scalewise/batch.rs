@@ -21,16 +21,17 @@ pub struct Clip<'a> {
     pub lengths: Vec<usize>,
     /// The input of each scale but the first, `[s, c]` row-major.
     pub inputs: Vec<Vec<f32>>,
-    /// Its length in latents.
-    pub n_latents: usize,
+    /// Its length in strides of the tokenizer.
+    pub length: usize,
     /// The codes that are supervised.
     pub supervised: Range<usize>,
 }
 
 impl<'a> Clip<'a> {
-    /// A clip of a split, with the inputs of scales computed by `shown` from its codes and their numbers.
+    /// A clip of a split, with the inputs of scales computed by `shown` from its codes and their numbers; `stride` is the
+    /// tokenizer's in frames.
     pub fn of(
-        (inputs, grid): (&Inputs<'a>, &Grid),
+        (inputs, grid, stride): (&Inputs<'a>, &Grid, usize),
         (split, index): (Split, usize),
         (text, supervised): (&'a [f32], Range<usize>),
         shown: impl FnOnce(&[u32], &[usize]) -> Vec<u32>,
@@ -38,10 +39,9 @@ impl<'a> Clip<'a> {
         let scales = inputs.scales.expect("the job opens the tokenizer for a kind that wants it");
         let codes = inputs.tokens.clip(split, index);
         let n_frames = inputs.tokens.clip_frames(split, index);
-        let lengths: Vec<usize> = grid.lengths(n_frames).collect();
+        let (lengths, length) = (Vec::from_iter(grid.lengths(n_frames)), n_frames / stride);
         let inputs = scales.inputs(&shown(codes, &lengths), 1, n_frames);
-        let n_latents = scales.n_latents(n_frames);
-        Self { text, codes, lengths, inputs, n_latents, supervised }
+        Self { text, codes, lengths, inputs, length, supervised }
     }
 
     /// Its numbers of rows: text, first scale, other scales.
@@ -84,7 +84,7 @@ impl Batch {
         };
         let sequences: Vec<BlockSequence> = clips.iter().zip(&sizes).map(sequence).collect();
         let lengths = |sort: usize| {
-            let lengths = clips.iter().map(|clip| clip.n_latents as u32).zip(&sizes);
+            let lengths = clips.iter().map(|clip| clip.length as u32).zip(&sizes);
             lengths.flat_map(move |(length, own)| std::iter::repeat_n(length, own[sort])).collect()
         };
         let levels = clips.iter().flat_map(|clip| {

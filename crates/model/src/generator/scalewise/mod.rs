@@ -60,7 +60,7 @@ impl Kind for Scalewise {
             codes: &codes,
             inputs: lengths.iter().skip(1).map(|n| vec![0.5; n * own.d_latent]).collect(),
             lengths,
-            n_latents: own.most_latents,
+            length: own.most_latents,
             supervised: 0..n_codes,
         };
         let clips = vec![clip; spec.batch_tokens.div_ceil(n_codes)];
@@ -88,10 +88,9 @@ impl EachScale<'_> {
     fn clip(&self, part: Part, rng: &mut ChaCha8Rng) -> Clip<'_> {
         let dropped = unit(rng) < own(self.spec).text_drop;
         let text = if dropped { &self.no_text } else { self.inputs.text.embedding(part.caption) };
-        let (inputs, clip) = ((self.inputs, &self.spec.codes), (Split::Train, part.clip));
-        Clip::of(inputs, clip, (text, part.targets), |codes, lengths| {
-            self.corrupted(codes, lengths, rng)
-        })
+        let inputs = (self.inputs, &self.spec.codes, own(self.spec).frames_per_latent);
+        let (clip, about) = ((Split::Train, part.clip), (text, part.targets));
+        Clip::of(inputs, clip, about, |codes, lengths| self.corrupted(codes, lengths, rng))
     }
 
     /// Codes of which a share is replaced by random ones of their scale.
@@ -155,12 +154,13 @@ fn forward_flops(spec: &RunSpec, batch: &Batch) -> f64 {
 /// Measures a model, each clip once with one of its captions, shown its own codes.
 fn split_loss(model: &Model, inputs: &Inputs, split: Split) -> SplitLoss {
     let (tokens, text) = (inputs.tokens, inputs.text);
+    let shown_by = (inputs, tokens.grid(), model.spec().frames_per_latent);
     let mut sums = SplitSums::by_scale(tokens, split);
     for clips in passes(tokens, split) {
         let shown = clips.clone().map(|clip| {
             let supervised = 0..tokens.clip(split, clip).len();
             let about = (text.shown(split, clip), supervised);
-            Clip::of((inputs, tokens.grid()), (split, clip), about, |codes, _| codes.to_vec())
+            Clip::of(shown_by, (split, clip), about, |codes, _| codes.to_vec())
         });
         let shown: Vec<Clip> = shown.collect();
         let batch = Batch::pack(&shown, tokens.grid(), text.dim(), model.places());
@@ -183,7 +183,7 @@ struct ScalewiseSampler {
 }
 
 impl ScalewiseSampler {
-    /// A motion without a code, of whole latents.
+    /// A motion without a code, of whole strides.
     fn begin<'a>(&self, prompt: &Prompt<'a>) -> Result<Making<'a>, GeneratorError> {
         let spec = self.model.spec();
         let n_frames = prompt.n_frames.expect("the caller gives lengths where they are wanted");
@@ -204,15 +204,15 @@ impl ScalewiseSampler {
         let n_sequences = each * motions.len();
         let mut texts: Vec<&[f32]> = motions.iter().map(|motion| motion.text).collect();
         texts.resize(n_sequences, &self.no_text);
-        let n_latents = scales.n_latents(n_frames) as u32;
-        let mut growing = self.with_text(&texts, n_latents);
+        let length = (n_frames / self.model.spec().frames_per_latent) as u32;
+        let mut growing = self.with_text(&texts, length);
         let lengths: Vec<usize> = self.grid.lengths(n_frames).collect();
         let last = lengths.len().saturating_sub(1).max(1) as f64;
         for (scale, &n) in lengths.iter().enumerate() {
             let slots = n_sequences * n;
             let x_nd = if scale == 0 {
                 let places = (0..slots).map(|row| (row % n) as u32).collect();
-                self.model.start_rows(&places, &vec![n_latents; slots].into())
+                self.model.start_rows(&places, &vec![length; slots].into())
             } else {
                 let codes = motions.iter().flat_map(|motion| &motion.codes).copied();
                 let codes: Vec<u32> = codes.collect();
@@ -239,13 +239,13 @@ impl ScalewiseSampler {
     }
 
     /// Sequences of text alone.
-    fn with_text(&self, texts: &[&[f32]], n_latents: u32) -> Growing<'_> {
+    fn with_text(&self, texts: &[&[f32]], length: u32) -> Growing<'_> {
         let d_text = self.no_text.len();
         let prefixes: Vec<usize> = texts.iter().map(|text| text.len() / d_text).collect();
         let blocks = &self.model.weights.blocks;
         let mut growing = Growing::new(&self.model.backbone, blocks, prefixes);
         let p = growing.longest_text();
-        let lengths: Arc<[u32]> = vec![n_latents; texts.len() * p].into();
+        let lengths: Arc<[u32]> = vec![length; texts.len() * p].into();
         let x_nd = self.model.text_rows(padded(texts, p * d_text), &lengths);
         let angles = |&n: &usize| self.model.places().text(n).chain(std::iter::repeat_n(0, p - n));
         let angles: Vec<usize> = growing.prefixes().iter().flat_map(angles).collect();

@@ -24,7 +24,7 @@ pub struct ScalewiseTransformer {
     text_bias: Param<Tensor<1>>,
     /// The rows of the first scale, by slot, `[s_1, d]`.
     starts: Param<Tensor<2>>,
-    /// Added to text and first scale, by the clip's latents less one, `[most_latents, d]`.
+    /// Added to text and first scale, by the clip's strides less one, `[most_latents, d]`.
     lengths: Param<Tensor<2>>,
     /// Added to the rows of each scale, `[K, d]`.
     levels: Param<Tensor<2>>,
@@ -144,9 +144,9 @@ impl Model {
         self.backbone.projected(inputs, input_weight, input_bias) + self.levels(levels)
     }
 
-    fn lengths(&self, latents: &Arc<[u32]>) -> Tensor<2> {
+    fn lengths(&self, strides: &Arc<[u32]>) -> Tensor<2> {
         let last = self.spec.most_latents as u32;
-        let rows: Arc<[u32]> = latents.iter().map(|&n| n.clamp(1, last) - 1).collect();
+        let rows: Arc<[u32]> = strides.iter().map(|&n| n.clamp(1, last) - 1).collect();
         self.backbone.looked_up(&self.weights.lengths, &rows)
     }
 

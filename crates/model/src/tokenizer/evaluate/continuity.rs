@@ -27,16 +27,16 @@ pub struct Course {
 }
 
 impl Course {
-    /// That of a clip of `fps` frames a second, and of `frames_per_latent` frames a code.
-    pub fn of(made: &[Pose], truth: &[Pose], frames_per_latent: usize, fps: f64) -> Self {
+    /// That of a reconstruction and the truth at `fps` frames a second; `latents` has the latent of each frame, or its
+    /// code where codes have frames of their own.
+    pub fn of([made, truth]: [&[Pose]; 2], latents: &[usize], fps: f64) -> Self {
         let both = [made, truth];
         let steps = both.map(|poses| poses.windows(2).map(step_m).collect::<Vec<f64>>());
         // Step i leads from frame i to frame i + 1.
         let sum = |steps: &Vec<f64>, crosses: bool| {
-            let steps = steps.iter().enumerate();
-            let chosen =
-                steps.filter(|(i, _)| (i + 1).is_multiple_of(frames_per_latent) == crosses);
-            chosen.map(|(_, step)| step).sum::<f64>()
+            let pairs = steps.iter().zip(latents.windows(2));
+            let chosen = pairs.filter(|(_, pair)| (pair[0] != pair[1]) == crosses);
+            chosen.map(|(step, _)| step).sum::<f64>()
         };
         let n_jerks = truth.len().saturating_sub(3);
         let jerks =
@@ -125,7 +125,8 @@ mod tests {
     }
 
     fn of(pairs: &[[Vec<Pose>; 2]], frames: usize) -> Continuity {
-        let course = |[made, truth]: &[Vec<Pose>; 2]| Course::of(made, truth, frames, FPS);
+        let latents: Vec<usize> = (0..64).map(|frame| frame / frames).collect();
+        let course = |[made, truth]: &[Vec<Pose>; 2]| Course::of([made, truth], &latents, FPS);
         let courses: Vec<Course> = pairs.iter().map(course).collect();
         continuity(courses.iter())
     }

@@ -77,7 +77,7 @@ fn sums_of_the_first_scales_need_the_codes_of_the_first_scales_alone() {
     for spec in specs() {
         let plain = trained(&spec);
         let lengths = plain.lengths(EXTENT.n_latents);
-        let frames = EXTENT.n_latents * spec.frames_per_latent();
+        let frames = EXTENT.n_latents * spec.stride();
         assert!(spec.grid().lengths(frames).eq(lengths.iter().copied()));
         let ids = plain.ids(latents(9, &Device::flex()));
         let scales = by_scale(&ids, &lengths, EXTENT.n_clips);

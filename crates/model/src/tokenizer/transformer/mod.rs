@@ -6,9 +6,9 @@
 //! attends to the other frames, to the latents and to the text. The layers of each half form a U: outputs of the first
 //! layers are skip connections to the last ones, in reverse order.
 //!
-//! Differences from the published code: there are frames / 4 latents, not always 49; each half has its own projection of
-//! the text; latents of the decoder have learned positions, since codes of one scale do not determine their place; text
-//! is packed, not padded, at the same rotary index.
+//! Differences from the published code: without `latents` there are frames / 4 latents, not always 49; each half has its
+//! own projection of the text; latents of the decoder have learned positions, since codes of one scale do not determine
+//! their place; text is packed, not padded, at the same rotary index.
 //!
 //! Shapes: b clips, t latents and f frames of a clip, n rows of all clips, d width, c channels.
 
@@ -17,7 +17,6 @@ mod packing;
 #[cfg(test)]
 mod tests;
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use burn::module::{Module, Param};
@@ -29,7 +28,7 @@ use crate::learn::layers::Conv1d;
 use crate::learn::params::constant;
 use crate::motion::POSITIONS;
 use crate::ops::{CrossLayout, CrossOptions, Kernels, Rope};
-use crate::spec::{Detokenizer, Positions, TransformerSpec};
+use crate::spec::{Detokenizer, Piece, Positions, TransformerSpec};
 use layers::{Layers, Linear, Memory, Seen, deviation, learned_rows};
 use packing::{Packing, Places, by_pieces};
 
@@ -49,6 +48,8 @@ pub struct TransformerEncoder {
     n_seen: usize,
     #[module(skip)]
     places: Places,
+    #[module(skip)]
+    sizes: TransformerSpec,
 }
 
 impl TransformerEncoder {
@@ -70,20 +71,20 @@ impl TransformerEncoder {
             output: Conv1d::same([width, sizes.latent], 1, rng, device),
             n_seen,
             places: Places::of(sizes, language.is_some()),
+            sizes: sizes.clone(),
         }
     }
 
-    /// The latents of clips that are seen at once: `[b, f, seen features]` to `[b, t, c]`.
-    fn piece(&self, x_bfs: Tensor<3>, pass: &mut Pass) -> Tensor<3> {
-        let [b, f, s] = x_bfs.dims();
-        let t = f / self.places.frames;
+    /// The latents of a piece of clips: `[b, f, seen features]` to `[b, t, c]`.
+    fn piece(&self, x_bfs: Tensor<3>, piece: Piece, pass: &mut Pass) -> Tensor<3> {
+        let ([b, f, s], t) = (x_bfs.dims(), piece.n_latents);
         let latents_td = self.latents.val().narrow(0, 0, t);
         let d = latents_td.dims()[1];
         let latents_nd = latents_td.unsqueeze::<3>().expand([b, t, d]).reshape([b * t, d]);
         let mut rows = vec![latents_nd, self.motion.forward(x_bfs.reshape([b * f, s]))];
         let (words, text_nd) = self.words(b, pass);
         rows.extend(text_nd);
-        let packing = Packing::new([t, f], &words, &self.places);
+        let packing = Packing::new(piece, &words, &self.places);
         let seen = Seen { options: packing.options.clone(), latents: None, text: None };
         let rows_nd = self.layers.forward(packing.pack(rows), &seen, pass);
         self.output.forward(packing.latents(rows_nd).reshape([b, t, d]))
@@ -102,9 +103,10 @@ impl TransformerEncoder {
 
 impl Encode for TransformerEncoder {
     fn forward(&self, x_btf: Tensor<3>, pass: &mut Pass) -> Tensor<3> {
-        let Places { latents, frames, .. } = self.places;
+        let pieces = self.sizes.pieces(x_btf.dims()[1]);
         let seen = x_btf.narrow(2, 0, self.n_seen);
-        by_pieces(seen, latents, frames, |x_bfs| self.piece(x_bfs, pass))
+        let frames = |piece: &Piece| piece.n_frames;
+        by_pieces(seen, pieces, frames, |x_bfs, _, piece| self.piece(x_bfs, piece, pass))
     }
 }
 
@@ -125,9 +127,9 @@ pub struct TransformerDecoder {
     /// d to the features.
     output: Linear,
     #[module(skip)]
-    kind: Detokenizer,
-    #[module(skip)]
     places: Places,
+    #[module(skip)]
+    sizes: TransformerSpec,
 }
 
 impl TransformerDecoder {
@@ -140,8 +142,7 @@ impl TransformerDecoder {
     ) -> Self {
         let language = sizes.language.as_ref().filter(|own| own.places()[1]);
         let (width, std) = (sizes.width, deviation(sizes.width));
-        let kind = sizes.detokenizer;
-        let crosses = kind == Detokenizer::Cross;
+        let crosses = sizes.detokenizer == Detokenizer::Cross;
         let crosses = [crosses, crosses && language.is_some()];
         let learned = sizes.positions == Positions::Learned;
         let latent_positions = || constant([sizes.most_latents(), width], 0.0, device);
@@ -153,28 +154,35 @@ impl TransformerDecoder {
             text: language.map(|read| Linear::new([read.dim, width], std, rng, device)),
             layers: Layers::new(sizes, crosses, rng, device),
             output: Linear::new([width, n_features], std, rng, device),
-            kind,
             places: Places::of(sizes, language.is_some()),
+            sizes: sizes.clone(),
         }
     }
 
-    /// The frames of clips that are seen at once, from latent `from` on: `[b, t, c]` to `[b, f, features]`.
-    fn piece(&self, latents_btc: Tensor<3>, from: usize, pass: &mut Pass) -> Tensor<3> {
+    /// The frames of a piece of clips whose first latent is `from`: `[b, t, c]` to `[b, f, features]`.
+    fn piece(
+        &self,
+        latents_btc: Tensor<3>,
+        from: usize,
+        piece: Piece,
+        pass: &mut Pass,
+    ) -> Tensor<3> {
         let [b, t, _] = latents_btc.dims();
-        let (f, n_head) = (t * self.places.frames, self.places.heads);
+        let (f, n_head) = (piece.n_frames, self.places.heads);
         let latents_nd = self.latents(latents_btc);
         let queries_nd = self.queries(b, f);
-        let rows_nd = match self.kind {
+        let rows_nd = match self.sizes.detokenizer {
             Detokenizer::Cross => {
-                let packing = Packing::new([0, f], &vec![0; b], &self.places);
+                let frames_alone = Piece { n_latents: 0, ..piece };
+                let packing = Packing::new(frames_alone, &vec![0; b], &self.places);
                 let memory = |rows_md, queries: &[usize], counts: &[usize], ropes| {
                     let layout = Arc::new(CrossLayout::new(queries, counts));
                     Memory { rows_md, options: CrossOptions::new(n_head, layout, ropes) }
                 };
-                let groups = self.groups(from..from + t, pass);
+                let groups = groups(piece, from, pass);
                 let (words, text_nd) = self.words(b, &groups, pass);
                 let readers = groups.iter().map(|group| group.frames).collect::<Vec<_>>().repeat(b);
-                let ropes = self.ropes(t, f);
+                let ropes = self.ropes(piece);
                 let seen = Seen {
                     options: packing.options.clone(),
                     latents: Some(memory(latents_nd, &vec![f; b], &vec![t; b], ropes)),
@@ -184,7 +192,7 @@ impl TransformerDecoder {
             }
             Detokenizer::Context => {
                 let (words, text_nd) = self.words(b, &[Group { frames: f, reads: true }], pass);
-                let packing = Packing::new([t, f], &words, &self.places);
+                let packing = Packing::new(piece, &words, &self.places);
                 let rows = [latents_nd, queries_nd].into_iter().chain(text_nd).collect();
                 let seen = Seen { options: packing.options.clone(), latents: None, text: None };
                 packing.frames(self.layers.forward(packing.pack(rows), &seen, pass))
@@ -218,17 +226,11 @@ impl TransformerDecoder {
     }
 
     /// Angles of frames and latents by time.
-    fn ropes(&self, t: usize, f: usize) -> Option<[Arc<Rope>; 2]> {
-        let ropes = || [self.places.rope(0, f, 0), self.places.rope(t, 0, 0)].map(Arc::new);
+    fn ropes(&self, piece: Piece) -> Option<[Arc<Rope>; 2]> {
+        let Self { places, .. } = self;
+        let ropes =
+            || [places.rope(places.of_frames(piece)), places.rope(places.of_latents(piece))];
         self.latent_positions.is_none().then(ropes)
-    }
-
-    /// The frames of each clip in groups that read alike.
-    fn groups(&self, latents: Range<usize>, pass: &Pass) -> Vec<Group> {
-        let is_read_by = |latent| pass.captions.is_none_or(|captions| captions.is_read_by(latent));
-        let read_by: Vec<bool> = latents.map(is_read_by).collect();
-        let runs = read_by.chunk_by(|a, b| a == b);
-        runs.map(|run| Group { frames: run.len() * self.places.frames, reads: run[0] }).collect()
     }
 
     /// The number of words that each group of each clip reads, and all of them as rows `[words, d]`; the mask's vector is
@@ -261,6 +263,15 @@ struct Group {
     reads: bool,
 }
 
+/// The frames of a piece whose first latent is `from`, in groups that read alike.
+fn groups(piece: Piece, from: usize, pass: &Pass) -> Vec<Group> {
+    let is_read_by = |latent| pass.captions.is_none_or(|captions| captions.is_read_by(latent));
+    let frames = 0..piece.n_frames;
+    let reads: Vec<bool> = frames.map(|frame| is_read_by(from + piece.latent_of(frame))).collect();
+    let runs = reads.chunk_by(|a, b| a == b);
+    runs.map(|run| Group { frames: run.len(), reads: run[0] }).collect()
+}
+
 #[cfg(test)]
 impl TransformerDecoder {
     /// Moves the vector that stands for a caption that is left out.
@@ -271,11 +282,10 @@ impl TransformerDecoder {
 }
 
 impl Decode for TransformerDecoder {
-    fn forward(&self, latents_btc: Tensor<3>, pass: &mut Pass) -> Tensor<3> {
-        let mut from = 0;
-        by_pieces(latents_btc, self.places.latents, 1, |part_btc| {
-            let to = from + part_btc.dims()[1];
-            self.piece(part_btc, std::mem::replace(&mut from, to), pass)
+    fn forward(&self, latents_blc: Tensor<3>, n_frames: usize, pass: &mut Pass) -> Tensor<3> {
+        let (pieces, latents) = (self.sizes.pieces(n_frames), |piece: &Piece| piece.n_latents);
+        by_pieces(latents_blc, pieces, latents, |part_btc, from, piece| {
+            self.piece(part_btc, from, piece, pass)
         })
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 
 use crate::ops::{AttentionOptions, Kernels, Rope, SequenceLayout};
-use crate::spec::{Positions, TransformerSpec};
+use crate::spec::{Piece, Positions, TransformerSpec};
 
 /// RMSNorm's ε, as in LLaMA and LG-Tok.
 pub const EPSILON: f32 = 1e-5;
@@ -17,7 +17,7 @@ const ROPE_BASE: f64 = 100.0;
 /// The rotary indices of rows.
 ///
 /// Text comes first, with as many indices as words in the longest caption. Then latents and frames follow, each with as
-/// many indices as their largest number; or they share a time axis, a latent at the middle of its frames.
+/// many indices as their largest number; or they share a time axis, a latent at the middle of its span of frames.
 #[derive(Clone, Debug)]
 pub struct Places {
     pub heads: usize,
@@ -25,9 +25,7 @@ pub struct Places {
     /// Places kept for words.
     words: usize,
     /// Places kept for latents: most of a piece.
-    pub latents: usize,
-    /// Frames of a latent.
-    pub frames: usize,
+    latents: usize,
     positions: Positions,
 }
 
@@ -40,16 +38,15 @@ impl Places {
             head_dim: sizes.width / sizes.heads,
             words: if sees_text { longest } else { 0 },
             latents: sizes.most_latents(),
-            frames: sizes.frames,
             positions: sizes.positions,
         }
     }
 
-    /// The index of a latent.
-    fn latent(&self, j: usize) -> f64 {
+    /// The index of a latent of a piece.
+    fn latent(&self, j: usize, piece: Piece) -> f64 {
         let within = match self.positions {
             Positions::Learned => j as f64,
-            Positions::Rotary => (j as f64 + 0.5) * self.frames as f64 - 0.5,
+            Positions::Rotary => piece.middle(j) - 0.5,
         };
         self.words as f64 + within
     }
@@ -63,13 +60,19 @@ impl Places {
         (before + i) as f64
     }
 
-    /// Angles of latents, of frames, then of words.
-    pub fn rope(&self, latents: usize, frames: usize, words: usize) -> Rope {
-        let latents = (0..latents).map(|j| self.latent(j));
-        let frames = (0..frames).map(|i| self.frame(i));
-        let positions: Vec<f64> =
-            latents.chain(frames).chain((0..words).map(|w| w as f64)).collect();
-        Rope::at_positions(&positions, self.head_dim, ROPE_BASE)
+    /// The indices of the latents of a piece.
+    pub fn of_latents(&self, piece: Piece) -> impl Iterator<Item = f64> {
+        (0..piece.n_latents).map(move |j| self.latent(j, piece))
+    }
+
+    /// The indices of the frames of a piece.
+    pub fn of_frames(&self, piece: Piece) -> impl Iterator<Item = f64> {
+        (0..piece.n_frames).map(|i| self.frame(i))
+    }
+
+    /// The angles of indices.
+    pub fn rope(&self, indices: impl Iterator<Item = f64>) -> Arc<Rope> {
+        Arc::new(Rope::at_positions(&Vec::from_iter(indices), self.head_dim, ROPE_BASE))
     }
 }
 
@@ -77,8 +80,7 @@ impl Places {
 /// its words. Each row attends to all rows of its clip.
 #[derive(Clone, Debug)]
 pub struct Packing {
-    n_latents: usize,
-    n_frames: usize,
+    piece: Piece,
     /// The arguments of attention over the rows.
     pub options: AttentionOptions,
     /// For each row, its index in the concatenation of all latents, all frames and all words.
@@ -86,9 +88,9 @@ pub struct Packing {
 }
 
 impl Packing {
-    /// Packs clips; `words` has one entry a clip.
-    pub fn new([n_latents, n_frames]: [usize; 2], words: &[usize], places: &Places) -> Self {
-        let b = words.len();
+    /// Packs a piece of each clip; `words` has one entry a clip.
+    pub fn new(piece: Piece, words: &[usize], places: &Places) -> Self {
+        let (b, Piece { n_latents, n_frames }) = (words.len(), piece);
         let lengths: Vec<usize> = words.iter().map(|words| n_latents + n_frames + words).collect();
         let layout = SequenceLayout::new(&lengths, &lengths).expect("clips have frames");
         let mut order = Vec::with_capacity(layout.n_rows());
@@ -100,11 +102,11 @@ impl Packing {
             word += words;
         }
         let longest = words.iter().copied().max().unwrap_or(0);
-        let (layout, rope) =
-            (Arc::new(layout), Arc::new(places.rope(n_latents, n_frames, longest)));
-        let options = AttentionOptions::new(places.heads, layout, rope, EPSILON);
+        let motion = places.of_latents(piece).chain(places.of_frames(piece));
+        let rope = Arc::new(places.rope(motion.chain((0..longest).map(|word| word as f64))));
+        let options = AttentionOptions::new(places.heads, Arc::new(layout), rope, EPSILON);
         let order = order.into_iter().map(|row| row as u32).collect();
-        Self { n_latents, n_frames, options, order }
+        Self { piece, options, order }
     }
 
     /// Arranges all latents `[b·t, d]`, all frames `[b·f, d]` and all words, if any, into rows `[n, d]`.
@@ -115,12 +117,13 @@ impl Packing {
 
     /// The latents of rows, `[b·t, d]`.
     pub fn latents(&self, rows_nd: Tensor<2>) -> Tensor<2> {
-        self.pick(rows_nd, 0..self.n_latents)
+        self.pick(rows_nd, 0..self.piece.n_latents)
     }
 
     /// The frames of rows, `[b·f, d]`.
     pub fn frames(&self, rows_nd: Tensor<2>) -> Tensor<2> {
-        self.pick(rows_nd, self.n_latents..self.n_latents + self.n_frames)
+        let Piece { n_latents, n_frames } = self.piece;
+        self.pick(rows_nd, n_latents..n_latents + n_frames)
     }
 
     fn pick(&self, rows_nd: Tensor<2>, part: Range<usize>) -> Tensor<2> {
@@ -131,27 +134,20 @@ impl Packing {
     }
 }
 
-/// Applies `of` to clips piece by piece, with at most `most` latents each; a latent covers `stride` rows of a
-/// clip.
+/// Applies `of` to clips piece by piece, each with its first row; a piece has as many rows of a clip as `rows` says.
 pub fn by_pieces(
     x_btc: Tensor<3>,
-    most: usize,
-    stride: usize,
-    mut of: impl FnMut(Tensor<3>) -> Tensor<3>,
+    pieces: Vec<Piece>,
+    rows: fn(&Piece) -> usize,
+    mut of: impl FnMut(Tensor<3>, usize, Piece) -> Tensor<3>,
 ) -> Tensor<3> {
-    let mut start = 0;
-    let pieces = pieces(x_btc.dims()[1] / stride, most).map(|latents| {
-        let rows = latents * stride;
-        start += rows;
-        of(x_btc.clone().narrow(1, start - rows, rows))
+    let mut end = 0;
+    let made = pieces.into_iter().map(|piece| {
+        let (start, n) = (end, rows(&piece));
+        end += n;
+        of(x_btc.clone().narrow(1, start, n), start, piece)
     });
-    Tensor::cat(pieces.collect(), 1)
-}
-
-/// The sizes of as few pieces of `n` latents as have `most` or fewer each, as equal as may be.
-fn pieces(n: usize, most: usize) -> impl Iterator<Item = usize> {
-    let count = n.div_ceil(most).max(1);
-    (0..count).map(move |i| n * (i + 1) / count - n * i / count)
+    Tensor::cat(made.collect(), 1)
 }
 
 #[cfg(test)]
@@ -168,7 +164,8 @@ mod tests {
     #[test]
     fn rows_come_back_from_where_they_were_packed() {
         let places = Places::of(&sizes(Positions::Learned), false);
-        let packing = Packing::new([2, 3], &[1, 0, 2], &places);
+        let piece = Piece { n_latents: 2, n_frames: 3 };
+        let packing = Packing::new(piece, &[1, 0, 2], &places);
         let rows = |from: usize, n: usize| {
             let values: Vec<f32> = (from..from + n).map(|x| x as f32).collect();
             Tensor::<2>::from_data(TensorData::new(values, [n, 1]), &Device::flex())
@@ -182,19 +179,29 @@ mod tests {
 
     #[test]
     fn places_do_not_depend_on_how_many_there_are() {
-        let learned = Places::of(&sizes(Positions::Learned), false);
-        assert_eq!([learned.latent(3), learned.frame(0), learned.frame(15)], [3.0, 4.0, 19.0]);
-        let rotary = Places::of(&sizes(Positions::Rotary), false);
-        assert_eq!([rotary.latent(0), rotary.latent(3), rotary.frame(15)], [1.5, 13.5, 15.0]);
+        let indices = |positions, piece| {
+            let places = Places::of(&sizes(positions), false);
+            let frames: Vec<f64> = places.of_frames(piece).collect();
+            (places.of_latents(piece).collect::<Vec<_>>(), frames[0], frames[frames.len() - 1])
+        };
+        for n in [1, 3, 4] {
+            let piece = Piece { n_latents: n, n_frames: 4 * n };
+            let last = (4 * n - 1) as f64;
+            let learned = (vec![0.0, 1.0, 2.0, 3.0][..n].to_vec(), 4.0, 4.0 + last);
+            assert_eq!(indices(Positions::Learned, piece), learned);
+            let rotary = (vec![1.5, 5.5, 9.5, 13.5][..n].to_vec(), 0.0, last);
+            assert_eq!(indices(Positions::Rotary, piece), rotary);
+        }
     }
 
     #[test]
-    fn long_clips_are_parted_evenly() {
-        let of = |n, most| pieces(n, most).collect::<Vec<_>>();
-        assert_eq!(
-            (of(16, 16), of(17, 16), of(49, 16)),
-            (vec![16], vec![8, 9], vec![12, 12, 12, 13])
-        );
-        assert_eq!(of(3, 16), [3]);
+    fn a_fixed_number_of_latents_has_the_middles_of_equal_spans() {
+        let own = TransformerSpec { latents: Some(2), ..sizes(Positions::Rotary) };
+        let places = Places::of(&own, false);
+        for (n_frames, middles) in [(4, [0.5, 2.5]), (12, [2.5, 8.5]), (16, [3.5, 11.5])] {
+            let [piece] = own.pieces(n_frames)[..] else { panic!("one piece") };
+            assert_eq!(places.of_latents(piece).collect::<Vec<_>>(), middles);
+            assert_eq!(places.of_frames(piece).last(), Some((n_frames - 1) as f64));
+        }
     }
 }

@@ -1,5 +1,7 @@
 //! Both halves: their shapes, and what reaches them of a caption.
 
+use std::ops::Range;
+
 use super::*;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -60,11 +62,41 @@ fn clips_of_any_length_become_a_latent_for_four_frames_and_come_back() {
                 let clips = random([2, 4 * latents, N_FEATURES], 1);
                 let made = encoder.forward(clips, &mut Pass::default());
                 assert_eq!(made.dims(), [2, latents, 4]);
-                let frames = decoder.forward(made, &mut Pass::default());
+                let frames = decoder.forward(made, 4 * latents, &mut Pass::default());
                 assert_eq!(frames.dims(), [2, 4 * latents, N_FEATURES]);
             }
         }
     }
+}
+
+#[test]
+fn clips_of_any_length_become_a_fixed_number_of_latents_and_come_back() {
+    for positions in [Positions::Learned, Positions::Rotary] {
+        for detokenizer in [Detokenizer::Cross, Detokenizer::Context] {
+            let own = TransformerSpec { positions, detokenizer, ..sizes(&[]) };
+            let (encoder, decoder) = halves(TransformerSpec { latents: Some(6), ..own });
+            // The span has 16 frames.
+            for (n_frames, latents) in [(4, 6), (8, 6), (12, 6), (16, 6), (20, 12), (44, 18)] {
+                let clips = random([2, n_frames, N_FEATURES], 1);
+                let made = encoder.forward(clips, &mut Pass::default());
+                assert_eq!(made.dims(), [2, latents, 4]);
+                let frames = decoder.forward(made, n_frames, &mut Pass::default());
+                assert_eq!(frames.dims(), [2, n_frames, N_FEATURES]);
+            }
+        }
+    }
+}
+
+/// A piece of latents of their own frames, where their number is fixed, is the piece where it is not.
+#[test]
+fn as_many_fixed_latents_as_there_would_be_are_those() {
+    let both = [None, Some(4)].map(|latents| halves(TransformerSpec { latents, ..sizes(&[]) }));
+    let clips = random([2, 16, N_FEATURES], 1);
+    let made = both.map(|(encoder, decoder)| {
+        let latents = encoder.forward(clips.clone(), &mut Pass::default());
+        [host(latents.clone()), host(decoder.forward(latents, 16, &mut Pass::default()))]
+    });
+    assert_eq!(made[0], made[1]);
 }
 
 #[test]
@@ -89,7 +121,7 @@ fn the_detokenizer_sees_a_caption_and_that_it_is_missing() {
         let (_, decoder) = halves(TransformerSpec { detokenizer, ..sizes(&BOTH) });
         let latents = random([2, 3, 4], 3);
         let made = |captions: &Captions| {
-            host(decoder.forward(latents.clone(), &mut Pass::reading(Some(captions))))
+            host(decoder.forward(latents.clone(), 12, &mut Pass::reading(Some(captions))))
         };
         let size = 12 * N_FEATURES;
         let with = made(&captions(&[3, 5], 7));
@@ -103,7 +135,7 @@ fn the_detokenizer_sees_a_caption_and_that_it_is_missing() {
         let without = captions(&[0, 0], 7);
         pass.captions = Some(&without);
         let before = made(&without);
-        let after = host(AnyDecoder::Transformer(moved).forward(latents.clone(), pass));
+        let after = host(AnyDecoder::Transformer(moved).forward(latents.clone(), 12, pass));
         assert!(!close(&after, &before));
     }
 }
@@ -115,7 +147,7 @@ fn frames_that_do_not_read_the_caption_have_the_vector_of_a_dropped_one() {
     // Three pieces, and the part lies in two of them.
     let latents = random([1, 11, 4], 3);
     let made = |captions: Captions| {
-        host(decoder.forward(latents.clone(), &mut Pass::reading(Some(&captions))))
+        host(decoder.forward(latents.clone(), 44, &mut Pass::reading(Some(&captions))))
     };
     let (caption, other) = (captions(&[3], 7), captions(&[5], 30));
     let (none, all) = (made(Captions::none(1)), made(caption.clone()));
@@ -131,6 +163,24 @@ fn frames_that_do_not_read_the_caption_have_the_vector_of_a_dropped_one() {
     // Frames of one piece look at one another; those of the last piece at none that reads.
     assert!(close(&own[frames(7..11)], &none[frames(7..11)]));
     assert!(!close(&own[frames(7..11)], &all[frames(7..11)]));
+}
+
+#[test]
+fn of_a_fixed_number_of_latents_the_frames_in_their_spans_read() {
+    let (_, decoder) = halves(TransformerSpec { latents: Some(6), ..sizes(&BOTH) });
+    // Two pieces of 12 frames, and two frames a latent.
+    let latents = random([1, 12, 4], 3);
+    let made = |captions: Captions| {
+        host(decoder.forward(latents.clone(), 24, &mut Pass::reading(Some(&captions))))
+    };
+    let caption = captions(&[3], 7);
+    let (none, all) = (made(Captions::none(1)), made(caption.clone()));
+    let part: [bool; 12] = std::array::from_fn(|latent| latent < 6);
+    let own = made(caption.clone().read_by(&part));
+    let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
+    let (first, last) = own.split_at(12 * N_FEATURES);
+    assert!(close(first, &all[..first.len()]) && !close(first, &none[..first.len()]));
+    assert!(close(last, &none[first.len()..]) && !close(last, &all[first.len()..]));
 }
 
 #[test]

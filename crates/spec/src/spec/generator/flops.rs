@@ -241,7 +241,7 @@ pub struct Context {
     pub max_text: usize,
     /// Channels of the tokenizer's latents.
     pub d_latent: usize,
-    /// Frames that one of these stands for.
+    /// The tokenizer's stride, in frames.
     pub frames_per_latent: usize,
     /// Share of the codes that training shows as random ones.
     pub corruption: f64,
@@ -250,7 +250,7 @@ pub struct Context {
 }
 
 impl Context {
-    /// Latents of the longest clip: the motion slots of a shape.
+    /// Strides of the longest clip: the motion slots of a shape.
     pub fn most_latents(&self, shape: &ModelShape) -> usize {
         shape.n_ctx - self.max_text
     }

@@ -16,9 +16,9 @@ pub struct ScalewiseSpec {
     pub shape: ModelShape,
     /// Channels of the tokenizer's latents, which inputs are made of.
     pub d_latent: usize,
-    /// Frames per latent.
+    /// The tokenizer's stride: lengths of clips are counted in so many frames (LG-Tok: 4).
     pub frames_per_latent: usize,
-    /// Latents of the longest clip: lengths that have an embedding.
+    /// Strides of the longest clip: lengths that have an embedding.
     pub most_latents: usize,
     /// Share of the codes that training shows as random ones.
     pub corruption: f64,

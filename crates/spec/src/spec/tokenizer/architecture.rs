@@ -112,12 +112,26 @@ impl ArchitectureSpec {
         }
     }
 
-    /// Frames per latent.
-    pub fn frames_per_latent(&self) -> usize {
+    /// Frames of a latent, or, if a clip has a fixed number of latents, frames that clips are cut to multiples of.
+    pub fn stride(&self) -> usize {
         match self {
             Self::Convolutional(ConvolutionalSpec { down, .. }) => 1 << down,
             Self::Patch(PatchSpec { frames, .. }) => *frames,
             Self::Transformer(TransformerSpec { frames, .. }) => *frames,
+        }
+    }
+
+    /// The latents of a clip of any length up to a window; `None` if they follow its length.
+    pub fn fixed_latents(&self) -> Option<usize> {
+        let Self::Transformer(sizes) = self else { return None };
+        sizes.latents
+    }
+
+    /// Latents of a frame of the longest window.
+    pub(super) fn latents_per_frame(&self) -> f64 {
+        match self {
+            Self::Transformer(sizes) => sizes.latents_per_frame(),
+            _ => 1.0 / self.stride() as f64,
         }
     }
 

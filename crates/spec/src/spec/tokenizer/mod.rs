@@ -1,12 +1,14 @@
 //! [`TokenizerSpec`]: the full specification of a tokenizer, without its data.
 
 mod architecture;
+mod pieces;
 mod training;
 mod transformer;
 
 use serde::{Deserialize, Serialize};
 
 pub use architecture::{ArchitectureSpec, BegunFrom, Codes, ConvolutionalSpec, PatchSpec};
+pub use pieces::Piece;
 pub use training::{
     Plateau, TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTrainer,
     TokenizerTraining,
@@ -63,18 +65,18 @@ impl TokenizerSpec {
 
     /// The codes that it gives clips.
     pub fn grid(&self) -> Grid {
-        self.quantizer.grid(self.frames_per_latent())
+        self.quantizer.grid(self.stride())
     }
 
-    /// Frames that one latent stands for; a clip is encoded in whole latents.
-    pub fn frames_per_latent(&self) -> usize {
-        self.architecture.frames_per_latent()
+    /// Frames that clips are cut to multiples of: [`ArchitectureSpec::stride`].
+    pub fn stride(&self) -> usize {
+        self.architecture.stride()
     }
 
     /// FLOPs that training on a frame counts for, beside the budgets of runs.
     pub fn flops_per_frame(&self) -> f64 {
         let products = self.quantizer.products_per_latent(self.architecture.code_dim());
-        self.architecture.flops_per_frame() + 6.0 * products / self.frames_per_latent() as f64
+        self.architecture.flops_per_frame() + 6.0 * products * self.architecture.latents_per_frame()
     }
 
     /// Bytes that the backward pass keeps of a frame of a step: those of the architecture, and of each
@@ -83,7 +85,7 @@ impl TokenizerSpec {
         let c = self.architecture.code_dim();
         let floats = 2.0 * self.quantizer.products_per_latent(c) / c as f64;
         self.architecture.training_bytes_per_frame()
-            + 4.0 * floats / self.frames_per_latent() as f64
+            + 4.0 * floats * self.architecture.latents_per_frame()
     }
 
     /// The rate of a step, counted from 0.
@@ -103,6 +105,7 @@ impl TokenizerSpec {
         let quantizer = self.quantizer.clone().checked();
         quantizer
             .map_err(|error| SpecError { field: "quantizer".into(), problem: error.problem })?;
+        self.check_latents()?;
         self.check_window()?;
         self.check_captions()?;
         self.plateau.map_or(Ok(()), |plateau| plateau.check(self.training.steps))?;
@@ -126,16 +129,26 @@ impl TokenizerSpec {
     }
 
     fn check_window(&self) -> Result<(), SpecError> {
-        let (stride, window) = (self.frames_per_latent(), self.training.window);
+        let (stride, window) = (self.stride(), self.training.window);
         let whole = window > 0 && window.is_multiple_of(stride);
         require(whole, "window", &format!("must be a multiple of the {stride} frames of a code"))?;
-        let (scale, latents) = (self.quantizer.longest_scale(), window / stride);
+        let (scale, latents) =
+            (self.quantizer.longest_scale(), self.architecture.n_latents(window));
+        let (key, least) = match self.architecture.fixed_latents() {
+            Some(_) => ("latents", scale),
+            None => ("window", scale * stride),
+        };
         let problem = format!(
             "a scale of {scale} codes is longer than a window, which has {latents} latents: set it to \
-             {} or more, or shorten tokenizer.quantizer.scales",
-            scale * stride
+             {least} or more, or shorten tokenizer.quantizer.scales"
         );
-        require(scale <= latents, "window", &problem)
+        require(scale <= latents, key, &problem)
+    }
+
+    /// Codes of other quantizers than those of several scales are as many as there are strides.
+    fn check_latents(&self) -> Result<(), SpecError> {
+        let scales = matches!(self.quantizer, QuantizerSpec::Multiscale(_));
+        require(scales || self.architecture.fixed_latents().is_none(), "latents", OF_SCALES)
     }
 
     /// The first setting that the trainer of the spec cannot follow.
@@ -175,7 +188,7 @@ impl TokenizerSpec {
             QuantizerSpec::Multiscale(_) => return None,
         };
         let longest = PatchSpec::default();
-        let frames = self.frames_per_latent().min(longest.frames);
+        let frames = self.stride().min(longest.frames);
         Some(Self {
             architecture: ArchitectureSpec::Patch(PatchSpec { frames, ..longest }),
             quantizer,
@@ -187,6 +200,10 @@ impl TokenizerSpec {
         })
     }
 }
+
+/// Why a fixed number of latents is refused.
+const OF_SCALES: &str = "belongs to `quantizer: {kind: multiscale}`: other quantizers make a code of each latent, and \
+                         their generators want one for so many frames";
 
 // The tokenizers of a [`TokenizerSection`].
 
@@ -233,8 +250,9 @@ impl TokenizerSection {
             TokenizerKind::Transformer => TokenizerTraining::of_transformers(),
             _ => TokenizerTraining::default(),
         };
-        let frames = self.architecture(defaults.window, text).frames_per_latent();
-        let window = defaults.window.max(quantizer.longest_scale() * frames);
+        let frames = self.architecture(defaults.window, text).stride();
+        let scale = if self.latents.is_some() { 0 } else { quantizer.longest_scale() };
+        let window = defaults.window.max(scale * frames);
         let mut training = self.training_over(TokenizerTraining { window, ..defaults });
         if training.loss == TokenizerLoss::Features {
             // Bodies are mixed for the loss of joints alone, unless somebody writes otherwise.
@@ -250,7 +268,8 @@ impl TokenizerSection {
         match self.kind {
             TokenizerKind::Transformer => {
                 let language = self.language.as_ref().and_then(|language| language.over(text));
-                let own = TransformerSpec { span: window, language, ..TransformerSpec::default() };
+                let (span, latents) = (window, self.latents);
+                let own = TransformerSpec { span, latents, language, ..TransformerSpec::default() };
                 let own = or_default!(self, own, width, layers, heads, frames, latent, dropout);
                 let own = or_default!(self, own, norm, positions, detokenizer);
                 ArchitectureSpec::Transformer(own)
@@ -298,7 +317,8 @@ impl TokenizerSection {
         let step = training.schedule == TokenizerSchedule::Step;
         let quantizer = self.quantizer();
         let vq = quantizer.codebook_kind() == CodebookKind::Vq;
-        let scales_or_vq = vq || quantizer.kind == QuantizerKind::Multiscale;
+        let scales = quantizer.kind == QuantizerKind::Multiscale;
+        let scales_or_vq = vq || scales;
         let may_be_fixed = self.kind == TokenizerKind::Patch && vq;
         let learned = self.codes != Some(Codes::Fixed);
         require_all(belonging! {
@@ -311,6 +331,7 @@ impl TokenizerSection {
             joints, "belongs to `loss: joints`" => feature_weight, velocity_weight,
                 acceleration_weight, root_weight;
             scales_or_vq, "belongs to VQ" => commitment;
+            scales, OF_SCALES => latents;
             vq, "belongs to VQ" => reset_share;
         })
     }
@@ -326,8 +347,8 @@ impl TokenizerSection {
             !either, not => depth, down;
             either, "belongs to `kind: patch` and `kind: transformer`" => frames, latent;
             patch, "belongs to `kind: patch`" => encoder_blocks, decoder_blocks, patches_per_code;
-            transformer, "belongs to `kind: transformer`" => layers, heads, norm, positions,
-                detokenizer, dropout, language;
+            transformer, "belongs to `kind: transformer`" => latents, layers, heads, norm,
+                positions, detokenizer, dropout, language;
         })
     }
 }
@@ -396,5 +417,36 @@ mod tests {
         section.window = Some(96);
         let error = section.check().unwrap_err().to_string();
         assert!(error.contains("a scale of 49 codes") && error.contains("196 or more"), "{error}");
+    }
+
+    #[test]
+    fn a_fixed_number_of_latents_holds_the_longest_scale_in_any_window() {
+        let quantizer = Some(QuantizerKind::Multiscale.section());
+        let of = |latents, window| {
+            with(|s| {
+                (s.kind, s.quantizer) = (TokenizerKind::Transformer, quantizer.clone());
+                (s.latents, s.window) = (latents, window);
+            })
+        };
+        let spec = |section: &TokenizerSection| {
+            let quantizer = section.quantizer().of_size(64).unwrap();
+            section.spec(quantizer, &TextSpec::default())
+        };
+        let fixed = of(Some(49), None);
+        assert!(fixed.check().is_ok() && of(Some(60), Some(100)).check().is_ok());
+        assert_eq!([&fixed, &of(None, None)].map(|s| spec(s).training.window), [64, 196]);
+        let written = |section| serde_json::to_string(&spec(section)).unwrap();
+        assert!(written(&fixed).contains("\"latents\":49"));
+        assert!(!written(&of(None, None)).contains("latents"), "ids know no key that is not set");
+        let told = |section: TokenizerSection| section.check().unwrap_err().to_string();
+        let few = told(of(Some(36), None));
+        assert!(few.starts_with("tokenizer.latents: a scale of 49 codes"), "{few}");
+        assert!(few.contains("which has 36 latents: set it to 49 or more"), "{few}");
+        let many = told(of(Some(65), None));
+        assert!(many.starts_with("tokenizer.latents: a window has 64 frames"), "{many}");
+        let patch = told(with(|s| (s.kind, s.latents) = (TokenizerKind::Patch, Some(49))));
+        assert!(patch.starts_with("tokenizer.latents: belongs to `kind: transformer`"), "{patch}");
+        let plain = TokenizerSpec { quantizer: QuantizerSpec::Vq { n_vocab: 8 }, ..spec(&fixed) };
+        assert!(plain.check().unwrap_err().problem.starts_with("belongs to `quantizer"));
     }
 }

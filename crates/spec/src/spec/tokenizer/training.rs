@@ -121,8 +121,12 @@ macro_rules! keys {
                 depth: Option<usize> = None, 1 to 64, unless "Option::is_none";
                 /// Convolutional: halvings of the frame rate, 2; they make 4 frames a code.
                 down: Option<usize> = None, 1 to 6, unless "Option::is_none";
-                /// Patches and transformers: frames a code, 4.
+                /// Patches and transformers: frames a code, 4. Clips are cut to multiples of it.
                 frames: Option<usize> = None, 1 to 64, unless "Option::is_none";
+                /// Transformers with several scales: latents of a clip of any length up to the window, spread
+                /// evenly over it; left out, one for `frames` frames. 49 in LG-Tok, 36 and 25 in its smaller
+                /// sizes.
+                latents: Option<usize> = None, 1 to 16_384, unless "Option::is_none";
                 /// Patches and transformers: channels of a latent, 32; 512 in LG-Tok.
                 latent: Option<usize> = None, 1 to 8192, unless "Option::is_none";
                 /// Patches: residual blocks of the encoder, 3; with 0, a code depends only on its own
@@ -172,8 +176,8 @@ macro_rules! keys {
 }
 
 keys! {
-    /// Frames of a training window, whole latents: 64, for patches 96; more if a scale has more codes
-    /// than the window has latents.
+    /// Frames of a training window, a multiple of those of a code: 64, for patches 96; more if a scale has
+    /// more codes than the window has latents.
     window: usize = 64, 96, 1 to 16_384;
     /// Windows a step: 32, for patches 24.
     batch: usize = 32, 24, 1 to 65_536;

@@ -23,7 +23,7 @@ const WORDS: f64 = 12.0;
 /// The sizes of the transformer tokenizer, with equally many layers in each half.
 ///
 /// Those of LG-Tok's paper: `width: 256, layers: 9, heads: 4` (SwiGLU of 1024), `latent: 512`,
-/// `window: 196`, `dropout: 0.1`, trained at a rate of 2e-4 for 200 epochs. The defaults train in
+/// `latents: 49`, `window: 196`, `dropout: 0.1`, trained at a rate of 2e-4 for 200 epochs. The defaults train in
 /// minutes on two cores.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -33,8 +33,11 @@ pub struct TransformerSpec {
     /// Layers of each half: as many before the middle one as after it.
     pub layers: usize,
     pub heads: usize,
-    /// Frames per latent.
+    /// Frames of a latent; with `latents`, frames that clips are cut to multiples of.
     pub frames: usize,
+    /// Latents of a piece of any length; `None` for one for `frames` frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latents: Option<usize>,
     /// Channels of a latent.
     pub latent: usize,
     /// Frames in one window, as in training. A longer clip is processed in pieces.
@@ -91,6 +94,7 @@ impl Default for TransformerSpec {
             layers: 3,
             heads: 4,
             frames: 4,
+            latents: None,
             latent: 32,
             span: 64,
             norm: NormPlacement::default(),
@@ -113,19 +117,27 @@ impl TransformerSpec {
         let even = (width / heads).is_multiple_of(2);
         require(even, "heads", "RoPE turns pairs of channels, so width / heads must be even")?;
         require(*span > 0 && span.is_multiple_of(*frames), "window", "must be whole codes")?;
+        let few = self.latents.is_none_or(|latents| latents <= *span);
+        let many = format!("a window has {span} frames: set it to {span} or less");
+        require(few, "latents", &many)?;
         self.language.as_ref().map_or(Ok(()), LanguageSpec::check)
     }
 
-    /// Latents of as many frames as are seen at once.
+    /// Latents of the longest piece.
     pub fn most_latents(&self) -> usize {
-        self.span / self.frames
+        self.latents.unwrap_or(self.span / self.frames)
+    }
+
+    /// Latents of a frame of the longest piece.
+    pub(super) fn latents_per_frame(&self) -> f64 {
+        self.latents.map_or(1.0 / self.frames as f64, |n| n as f64 / self.span as f64)
     }
 
     /// Rows of both halves, as multiples of the frames of a window.
     fn rows_per_frame(&self) -> [f64; 2] {
         let words = |sees: bool| if sees { WORDS / self.span as f64 } else { 0.0 };
         let [encoder, decoder] = self.language.as_ref().map_or([false; 2], LanguageSpec::places);
-        let latents = 1.0 / self.frames as f64;
+        let latents = self.latents_per_frame();
         let beside = match self.detokenizer {
             Detokenizer::Cross => 0.0,
             Detokenizer::Context => latents + words(decoder),
@@ -156,9 +168,11 @@ impl TransformerSpec {
         4.0 * (FRAMES_KEPT * N_FEATURES + rows * layers * ROWS_KEPT * d)
     }
 
-    /// Bytes that encoding a frame takes.
+    /// Bytes that encoding a frame takes; with a fixed number of latents, of clips of a quarter of a window.
     pub(super) fn encoding_bytes_per_frame(&self) -> f64 {
-        4.0 * (N_FEATURES + self.rows_per_frame()[0] * ROWS_AT_ONCE * self.width as f64)
+        let more = if self.latents.is_some() { 3.0 * self.latents_per_frame() } else { 0.0 };
+        let rows = self.rows_per_frame()[0] + more;
+        4.0 * (N_FEATURES + rows * ROWS_AT_ONCE * self.width as f64)
     }
 }
 
@@ -258,6 +272,7 @@ mod tests {
             (transformer(|s| s.mix_arm = Some(0.1)), "tokenizer.mix_arm: shows parts of other"),
             (transformer(|s| s.layers = Some(2)), "tokenizer.layers: must be odd"),
             (transformer(|s| s.heads = Some(3)), "tokenizer.heads: 3 heads do not divide"),
+            (transformer(|s| s.latents = Some(9)), "tokenizer.latents: belongs to `quantizer"),
             (transformer(|s| s.depth = Some(3)), "tokenizer.depth: is not of `kind: transformer`"),
         ];
         for (section, expected) in bad {
