@@ -103,7 +103,7 @@ impl Packing {
         }
         let longest = words.iter().copied().max().unwrap_or(0);
         let motion = places.of_latents(piece).chain(places.of_frames(piece));
-        let rope = Arc::new(places.rope(motion.chain((0..longest).map(|word| word as f64))));
+        let rope = places.rope(motion.chain((0..longest).map(|word| word as f64)));
         let options = AttentionOptions::new(places.heads, Arc::new(layout), rope, EPSILON);
         let order = order.into_iter().map(|row| row as u32).collect();
         Self { piece, options, order }
