@@ -6,8 +6,8 @@ the action and nothing beside it, so a body that waves stays in place, and one t
 The thresholds were chosen on `isoflop data synth --seed 7 --clips 12000` and are tested on another seed:
 
     isoflop data synth --seed 1 --clips 16384 --out true
-    isoflop generate --run results/lg-tok-nano --guidance 3 --samples 8 --out made \\
-        --texts <(python3 experiments/kinematic_rules.py captions)
+    python3 experiments/kinematic_rules.py captions > captions.txt
+    isoflop generate --run results/lg-tok-nano --guidance 3 --samples 8 --texts captions.txt --out made
     python3 experiments/kinematic_rules.py score true made
 
 `score` prints how many true motions of one action pass the rule of their caption, and how many motions of other

@@ -131,15 +131,17 @@ pub(super) struct Words {
 /// The runs of a study in a sentence.
 pub(super) fn extent(records: &[&RunRecord]) -> String {
     let budgets = budgets(records.iter().copied());
-    let span = match (budgets.first(), budgets.last()) {
-        (Some(first), Some(last)) => format!(" at {} to {} FLOPs", count(*first), count(*last)),
-        _ => String::new(),
+    let span = match budgets[..] {
+        [] => String::new(),
+        [only] => format!(" at {} FLOPs", count(only)),
+        [first, .., last] => format!(" at {} to {} FLOPs", count(first), count(last)),
     };
     let seconds: f64 = records.iter().filter_map(|record| record.measured.wall_s).sum();
     // A table made elsewhere has no times.
     let hours =
         if seconds > 0.0 { format!(", {:.1} core-hours", seconds / 3600.0) } else { String::new() };
-    format!("{} runs{span}{hours}", records.len())
+    let plural = if records.len() == 1 { "" } else { "s" };
+    format!("{} run{plural}{span}{hours}", records.len())
 }
 
 /// The budgets of runs, ascending.
