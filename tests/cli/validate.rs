@@ -89,7 +89,7 @@ fn a_budget_without_an_optimum_is_not_validated() {
     let mut laws = place.json("results/study/laws.json");
     // The sixth coefficient is e1, by which the loss falls with V: now it rises, whatever the budget.
     laws["joint"]["loss"]["values"][5] = json!(-0.8);
-    place.write("results/study/laws.json", &laws.to_string());
+    place.write("results/study/laws.json", laws.to_string());
     let told = "has no optimum at 1e13 FLOPs between the vocabulary";
     place.isoflop(&words).exits(3).says(told);
     place.isoflop(&["predict", "1e13", "--law", "results/study"]).exits(3).says(told);
