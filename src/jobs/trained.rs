@@ -88,7 +88,7 @@ impl TrainedRun {
         text::unseen_words(&file, captions).ok().flatten().unwrap_or_default()
     }
 
-    /// Makes a motion of each prompt, all at once.
+    /// Makes a motion of each prompt, all at once, of whole strides of the tokenizer.
     ///
     /// # Errors
     /// [`GeneratorError::NoCode`] for a length below one stride of the tokenizer; as
@@ -103,7 +103,10 @@ impl TrainedRun {
         if let Some(n_frames) = prompts.iter().find_map(too_short) {
             return Err(GeneratorError::NoCode { n_frames, least });
         }
-        self.sampler.sample(prompts, &self.tokenizer, sampling)
+        let whole = |prompt: &Prompt| prompt.n_frames.map(|n_frames| n_frames / least * least);
+        let prompts: Vec<Prompt> =
+            prompts.iter().map(|own| Prompt { n_frames: whole(own), ..*own }).collect();
+        self.sampler.sample(&prompts, &self.tokenizer, sampling)
     }
 
     /// The same decoded; `detokenizer_guidance` sets how closely a tokenizer with language follows the captions, which of
