@@ -21,6 +21,8 @@ struct Edits<'a> {
     source: Vec<Pose>,
     reconstruction: Vec<Pose>,
     codes: Vec<Value>,
+    /// Distance in millimetres that a joint in the part moves by, at least.
+    least_mm: f32,
 }
 
 fn poses(place: &Place, file: &str) -> Vec<Pose> {
@@ -48,7 +50,7 @@ impl<'a> Edits<'a> {
         let words = ["detokenize", "codes/0.json", "--run", run, "--out", "back", "--overwrite"];
         place.isoflop(&words).exits(0);
         let reconstruction = poses(place, "back/0.features.npy");
-        Self { place, run, source: poses(place, file), reconstruction, codes }
+        Self { place, run, source: poses(place, file), reconstruction, codes, least_mm: 1.0 }
     }
 
     /// Motions of two captions with a part drawn at a temperature at which any code is about as likely as any other.
@@ -73,8 +75,7 @@ impl<'a> Edits<'a> {
                 let off = apart_mm(&poses, rest, outside);
                 assert!(off < 0.01, "{} {span} {more:?}: {off} mm", self.run);
                 let moved = apart_mm(&poses, rest, |t| part.contains(&t));
-                // A tokenizer of a few steps hardly reads its codes.
-                assert!(moved > 0.02, "{} {span} {more:?}: {moved} mm", self.run);
+                assert!(moved > self.least_mm, "{} {span} {more:?}: {moved} mm", self.run);
                 let changed = (0..codes.len()).filter(|&i| codes[i] != self.codes[i]);
                 drawn.extend(changed);
             }
@@ -144,7 +145,9 @@ fn an_edit_moves_no_frame_half_a_second_away_of_a_fixed_number_of_latents() {
                      quantizer: {kind: multiscale, scales: [1, 8, 20]}}";
     let one = ["--set", tokenizer, "--set", "generator=scalewise", "--set", "grid.vocab=[16]"];
     place.isoflop(&[&["run", "generators.yaml"][..], &one].concat()).exits(0);
-    let edits = Edits::new(&place, "results/generators");
+    let mut edits = Edits::new(&place, "results/generators");
+    // After so few steps this tokenizer hardly reads its codes; frames outside move by less than half of it.
+    edits.least_mm = 0.02;
     assert_eq!(edits.codes.len(), 29);
     let drawn = edits.hold("2..4", 40..80);
     let inside = |i: &usize| (1 + 3..1 + 5).contains(i) || (9 + 7..9 + 13).contains(i);
