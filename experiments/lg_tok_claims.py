@@ -1,11 +1,12 @@
-"""LG-Tok's claims in small: trains the parts of the study, gathers their numbers, and tests each claim.
+"""LG-Tok's and ScaMo's claims in small: trains the parts of the study, gathers their numbers, and tests each claim.
 
     python3 experiments/lg_tok_claims.py run [ISOFLOP [PART...]]     # trains; what is there is not done again
     python3 experiments/lg_tok_claims.py gather                      # writes results/lg-tok-claims/claims.csv
     python3 experiments/lg_tok_claims.py test                        # prints the tables from claims.csv
 
-A part is experiments/lg-tok-claims.yaml with other keys, in results/lg-tok-claims/PART. Its runs differ in an arm
-and in the seed of the tokenizer, 0 to 4. All parts have one evaluator, which the first one trains.
+A part is a sweep of experiments with other keys, in results/lg-tok-claims/PART. Its runs differ in an arm and in the
+seed of the tokenizer, 0 to 4. All parts have one evaluator, which the first one trains. The parts `words` and
+`sentence` want data/minilm-words.safetensors and data/minilm-sentence.safetensors (see embed_captions.py).
 
 The test was named before the first run: for each claim and measure below, the paired t-test over the five seeds,
 two-sided, with its 95 % interval, and Holm's correction over the first measures of all claims. Beside it stand
@@ -33,7 +34,17 @@ MOMASK = [
     "scores={guidance: 3, top_k: 13, rounds: 18, repeats: 5, multimodal_captions: 0, samples: 0}",
     "model={ffn: gelu, rope_base: 1e4, motion_slots: 51, corruption: 0.1, text_drop: 0.1}",
 ]
-# What each part sets beside the file; only `language` keeps the file's own axis.
+# Motions end by themselves here, and their captions are read by an autoregressive transformer.
+SCAMO = [
+    "seeds=[0]",
+    "tokenizer={kind: patch, steps: 400, acceleration_weight: 1.5, root_weight: 0.02, sideways_scale: 2, "
+    "seeds: [0, 1, 2, 3, 4]}",
+    "grid.budgets=[5e11]",
+    "scores={repeats: 5, multimodal_captions: 0, samples: 0}",
+]
+# The sweep of a part, where it is not lg-tok-claims.
+SWEEPS = {"quantizers": "fsq-vq", "words": "text-encoders", "sentence": "text-encoders"}
+# What each part sets beside its sweep; `language` and `quantizers` keep the sweep's own axis.
 PARTS = {
     "language": [],
     # Windows that hold the longest scale, as many frames a step.
@@ -62,6 +73,9 @@ PARTS = {
         "tokenizer.window=64",
         *MOMASK,
     ],
+    "quantizers": [],
+    "words": SCAMO,
+    "sentence": [*SCAMO, "text={encoder: file, path: data/minilm-sentence.safetensors, dim: 384, max_tokens: 1}"],
 }
 
 
@@ -69,20 +83,22 @@ def run(isoflop, names):
     """Trains the parts one after another; the evaluator of the first serves all."""
     for name in names:
         (FOLDER / name).mkdir(parents=True, exist_ok=True)
-        share_evaluator(FOLDER / name)
+        share("evaluators", FOLDER / name, PARTS)
+        if name in ("words", "sentence"):
+            share("tokenizers", FOLDER / name, ["words", "sentence"])
+        sweep = f"experiments/{SWEEPS.get(name, 'lg-tok-claims')}.yaml"
         sets = [f"name={name}", *PARTS[name]]
-        command = [isoflop, "run", "experiments/lg-tok-claims.yaml", "--out", FOLDER, "--jobs", "1", "--quiet"]
+        command = [isoflop, "run", sweep, "--out", FOLDER, "--jobs", "1", "--quiet"]
         subprocess.run(command + [word for key in sets for word in ("--set", key)], check=True)
         if name == "language":
             guide(isoflop, FOLDER / name)
 
 
-def share_evaluator(folder):
-    """Copies a trained evaluator of another part; ids tell whether it is the one that this part wants."""
-    if not (folder / "evaluators").is_dir():
-        for trained in FOLDER.glob("*/evaluators"):
-            shutil.copytree(trained, folder / "evaluators")
-            return
+def share(kind, folder, parts):
+    """Copies what another part has trained, as `evaluators`; ids tell whether it is what this part wants."""
+    for trained in (FOLDER / part / kind for part in parts):
+        if trained.is_dir() and not (folder / kind).is_dir():
+            shutil.copytree(trained, folder / kind)
 
 
 def guide(isoflop, folder):
@@ -121,14 +137,17 @@ def runs_of(folder):
         spec, record = read(place / "spec.json"), place / "record.json"
         metrics = folder / "tokenizers" / spec["tokenizer_id"] / "metrics.json"
         if metrics.exists():
-            yield {"run_id": place.name, "arm": arm_of(folder.name, spec.get("varied")), "tokenizer": read(metrics),
-                   "record": read(record)["metrics"] if record.exists() else None}
+            tokenizer = read(metrics)
+            yield {"run_id": place.name, "arm": arm_of(folder.name, spec.get("varied"), tokenizer),
+                   "tokenizer": tokenizer, "record": read(record)["metrics"] if record.exists() else None}
 
 
-def arm_of(part, varied):
+def arm_of(part, varied, tokenizer):
     """A short name of what varies in a part, as `both` or `mid`."""
+    if part == "quantizers":
+        return f"{tokenizer['kind']} {tokenizer['n_vocab']}"
     if varied is None:
-        return "both" if part == "momask-lg" else "convolutional"
+        return {"momask-lg": "both", "words": "prefix", "sentence": "vector"}.get(part, "convolutional")
     key, value = varied.split("=", 1)
     if key != "tokenizer.language":
         return value
@@ -199,6 +218,10 @@ CLAIMS = [
     ("rotary positions (4d)", "language both", "positions learned", ["rfid", "mpjpe"]),
     ("RMSNorm before each part", "language both", "norms post", ["rfid", "mpjpe"]),
     ("MoMask on LG-Tok's tokenizer (Table 3)", "momask-lg both", "momask convolutional", ["rfid", "mpjpe", "gfid", "r1"]),
+    *((f"FSQ in place of VQ, V = {V} (ScaMo's Table 5)", f"quantizers fsq {V}", f"quantizers vq {V}",
+       ["mpjpe", "l1", "codes"]) for V in (240, 1000, 4375, 15360)),
+    ("words before the codes in place of a vector (ScaMo's Table 2)", "words prefix", "sentence vector",
+     ["gfid", "r1", "loss"]),
 ]
 
 

@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::support::processes::{end_within, kill_9, signal, wait_for, workers};
 use super::support::{OWN, Place, records, worked_trainer};
 
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(300);
 
 /// The folder of the only run.
 fn run_folder(place: &Place) -> String {

@@ -1,12 +1,11 @@
 //! `isoflop run --rounds`: a part of the grid, until the prediction is as sharp as asked.
 
-use std::time::Duration;
-
 use nix::unistd::Pid;
 use serde_json::Value;
 
 use super::support::processes::{end_within, kill_9, wait_for};
 use super::support::{Place, records, worked_trainer};
+use super::victim::PATIENCE;
 
 const SWEEP: &str = "experiments/custom-trainer.yaml";
 const RESULTS: &str = "results/custom-trainer";
@@ -68,9 +67,9 @@ fn a_killed_round_goes_on_to_the_same_rounds() {
         let done = std::fs::read_dir(&folder).into_iter().flatten().flatten();
         (done.filter(|run| run.path().join("record.json").exists()).count() > 5).then_some(())
     };
-    wait_for(Duration::from_secs(60), begun).expect("runs are trained");
+    wait_for(PATIENCE, begun).expect("runs are trained");
     kill_9(Pid::from_raw(program.id() as i32));
-    end_within(Duration::from_secs(20), &mut program);
+    end_within(PATIENCE, &mut program);
     place.isoflop(&words).exits(0);
     assert_eq!(runs(&place), runs(&whole));
     assert_eq!(runs(&place).len(), 3);

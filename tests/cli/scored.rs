@@ -50,7 +50,11 @@ fn one_file_leads_from_a_sweep_to_scores() {
         let bodies = sample["bodies"].as_array().expect("bodies");
         let names: Vec<&Value> = bodies.iter().map(|body| &body["name"]).collect();
         assert_eq!(names, ["true motion", "its reconstruction", "generated"]);
-        let frames = |body: usize| bodies[body]["mm"].as_array().unwrap().len() / 66;
+        // A number of base64 VLQ ends with a letter from A to f.
+        let ends = |letter: &char| matches!(letter, 'A'..='Z' | 'a'..='f');
+        let frames = |body: usize| {
+            bodies[body]["mm"].as_str().expect("text").chars().filter(ends).count() / 66
+        };
         assert!(frames(0) >= frames(1) && frames(0) < frames(1) + 4, "whole latents are kept");
     }
     // The same command again makes nothing, and says the same.

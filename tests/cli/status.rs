@@ -12,7 +12,7 @@ use super::support::processes::{end_within, wait_for, workers};
 use super::support::{Place, finished_mini, records};
 
 /// Far longer than the sweep takes: a test that waits so long has failed.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(300);
 
 fn status(place: &Place, results: &str) -> Value {
     place.isoflop(&["status", results, "--json"]).exits(0).json()
