@@ -5,7 +5,7 @@
     python3 experiments/lg_tok_claims.py test                        # prints the tables from claims.csv
 
 A part is a sweep of experiments with other keys, in results/lg-tok-claims/PART. Its runs differ in an arm and in the
-seed of the tokenizer, 0 to 4. All parts have one evaluator, which the first one trains. The parts `words` and
+seed of the tokenizer, 0 to 4 (`codes`: 0 to 2). All parts have one evaluator, which the first one trains. The parts `words` and
 `sentence` want data/minilm-words.safetensors and data/minilm-sentence.safetensors (see embed_captions.py).
 
 The test was named before the first run: for each claim and measure below, the paired t-test over the five seeds,
@@ -34,6 +34,11 @@ MOMASK = [
     "scores={guidance: 3, top_k: 13, rounds: 18, repeats: 5, multimodal_captions: 0, samples: 0}",
     "model={ffn: gelu, rope_base: 1e4, motion_slots: 51, corruption: 0.1, text_drop: 0.1}",
 ]
+# Runs that are there to have true motions through the tokenizer scored.
+TOKENIZERS_ALONE = [
+    "grid.budgets=[1e11]",
+    "scores={guidance: 4, top_p: 0.95, repeats: 1, multimodal_captions: 0, samples: 0}",
+]
 # Motions end by themselves here, and their captions are read by an autoregressive transformer.
 SCAMO = [
     "seeds=[0]",
@@ -47,20 +52,21 @@ SWEEPS = {"quantizers": "fsq-vq", "words": "text-encoders", "sentence": "text-en
 # What each part sets beside its sweep; `language` and `quantizers` keep the sweep's own axis.
 PARTS = {
     "language": [],
-    # Windows that hold the longest scale, as many frames a step.
+    # Windows that hold the longest scale, as many frames a step; three seeds, since they take long.
     "codes": [
         "grid.vary={tokenizer.quantizer.scales: [mini, mid, full]}",
         f"tokenizer.language={BOTH}",
         "tokenizer.window=196",
         "tokenizer.batch=8",
+        "tokenizer.seeds=[0, 1, 2]",
     ],
     "networks": [
         "grid.vary={}",
         "tokenizer={" + CONVOLUTIONAL + ", loss: joints, window: 100, "
         "quantizer: {kind: multiscale, inner: vq, scales: mini, cosine: false, mix: 0.5}}",
     ],
-    "positions": ["grid.vary={tokenizer.positions: [learned]}", f"tokenizer.language={BOTH}"],
-    "norms": ["grid.vary={tokenizer.norm: [post]}", f"tokenizer.language={BOTH}"],
+    "positions": ["grid.vary={tokenizer.positions: [learned]}", f"tokenizer.language={BOTH}", *TOKENIZERS_ALONE],
+    "norms": ["grid.vary={tokenizer.norm: [post]}", f"tokenizer.language={BOTH}", *TOKENIZERS_ALONE],
     "momask": [
         "grid.vary={}",
         "tokenizer={" + CONVOLUTIONAL + f", window: 64, quantizer: {RESIDUAL}" + "}",

@@ -8,7 +8,7 @@ use super::support::{Place, records};
 fn spent_over_planned(sweep: &str, name: &str, settings: &[&str]) -> Vec<f64> {
     let place = Place::with(sweep);
     let exact =
-        ["--set", "flops.rule=exact", "--set", "data.clips=1024", "--set", "grid.budgets=[2e10]"];
+        ["--set", "flops.rule=exact", "--set", "data.clips=1024", "--set", "grid.budgets=[5e9]"];
     let settings =
         [&exact[..], &["--set", "grid.vocab=[16]", "--set", "train.batch.min=32"], settings]
             .concat();
@@ -16,7 +16,7 @@ fn spent_over_planned(sweep: &str, name: &str, settings: &[&str]) -> Vec<f64> {
     let runs = plan["runs"].as_array().expect("runs").iter();
     let planned = runs.map(|run| {
         let ratio = run["achieved_ratio"].as_f64().expect("a ratio");
-        (run["run_id"].as_str().expect("an id").to_string(), 2e10 * ratio)
+        (run["run_id"].as_str().expect("an id").to_string(), 5e9 * ratio)
     });
     let planned: HashMap<String, f64> = planned.collect();
     place.isoflop(&[&["run", sweep][..], &settings].concat()).exits(0);
