@@ -11,7 +11,7 @@ const SMALL: &str = "{name: t, data: {clips: 8, val_clips: 2, test_clips: 2}, te
                      model: {motion_slots: 256}, train: {min_steps: 1, batch: 1}, tokenizer: {steps: 1, batch: 2, window: 32}}";
 
 /// Sections over [`SMALL`]: between them the tokenizers, quantizers, generators and evaluators.
-const LAYERS: [&str; 11] = [
+const LAYERS: [&str; 12] = [
     "{tokenizer: {kind: fsq, plateau: {evaluations: 1}}, train: {batch: {min: 1}}}",
     "{tokenizer: {kind: vq}, train: {schedule: {kind: cosine}}, flops: {rule: exact}}",
     "{tokenizer: {kind: patch}, train: {schedule: {share: true}}, data: {test_clips: 64},
@@ -28,6 +28,7 @@ const LAYERS: [&str; 11] = [
     "{generator: masked, tokenizer: {kind: transformer, quantizer: {kind: residual, inner: fsq}}}",
     "{scores: {repeats: 1, multimodal_captions: 1, multimodal_motions: 2}, sampling: {}}",
     "{scores: {}, generator: masked}",
+    "{tokenizer: {kind: transformer, latents: 1, quantizer: {kind: multiscale, scales: [1]}}}",
 ];
 
 /// An evaluator that passes its gates, and a rate at which no run diverges, under the layers whose runs are scored.
