@@ -195,7 +195,10 @@ def read(file):
 def gather():
     """Writes the rows of the parts that are here; those of other parts stay as they are in the file."""
     here = [part for part in PARTS if (FOLDER / part).is_dir()]
-    rows = [row for row in kept_rows() if row["part"] not in here] + [row for part in here for row in rows_of(part)]
+    rows = [row for row in kept_rows() if row["part"] not in here]
+    # A run that was begun and never ended may stand beside the one that was: the row with the most measures is kept.
+    fullest = {(row["part"], row["arm"], row["seed"]): row for part in here for row in sorted(rows_of(part), key=len)}
+    rows += fullest.values()
     rows.sort(key=lambda row: (list(PARTS).index(row["part"]), row["arm"], int(row["seed"])))
     with open(FOLDER / "claims.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, ["part", "arm", "seed", *MEASURES], lineterminator="\n")
