@@ -165,18 +165,17 @@ def arm_of(part, varied, tokenizer):
 
 def rows_of(part):
     """A row for each run, and for each strength of the detokenizer's guidance that it was scored with."""
-    folder = FOLDER / part
+    folder, alone = FOLDER / part, TOKENIZERS_ALONE[0] in PARTS[part]
     scores = {one["run_id"]: one for one in map(read, folder.glob("scores/*/scores.json"))}
     for run in runs_of(folder):
         tokenizer, record, scored = run["tokenizer"], run["record"], scores.get(run["run_id"])
         row = {"part": part, "arm": run["arm"], "seed": tokenizer["seed"]}
         measured = {"mpjpe": tokenizer["mpjpe_mm"], "mpjpe_given": tokenizer["mpjpe_heading_mm"],
                     "l1": tokenizer["reconstruction_l1"], "codes": tokenizer["exponential_entropy"]}
-        if record and part not in ("positions", "norms"):
+        if record and not alone:
             measured |= {"perplexity": np.exp(record["loss_nats"]), "loss": record["loss_normalised"]}
         if scored:
-            made = {} if part in ("positions", "norms") else scored_by(scored)
-            measured |= {**made, "rfid": scored["reconstructed"]["fid"]["mean"]}
+            measured |= {**({} if alone else scored_by(scored)), "rfid": scored["reconstructed"]["fid"]["mean"]}
         yield row | measured
         for strength in (1, 2):
             guided = folder / f"guided-{run['run_id']}-{strength}.json"
@@ -321,6 +320,8 @@ def holm(levels):
 if __name__ == "__main__":
     match sys.argv[1:]:
         case ["run", *rest]:
+            if unknown := set(rest[1:]) - set(PARTS):
+                sys.exit(f"no part is named {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
             run(rest[0] if rest else "target/release/isoflop", rest[1:] or list(PARTS))
         case ["gather"]:
             gather()
