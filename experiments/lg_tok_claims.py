@@ -5,7 +5,7 @@
     python3 experiments/lg_tok_claims.py test                        # prints the tables from claims.csv
 
 A part is a sweep of experiments with other keys, in results/lg-tok-claims/PART. Its runs differ in an arm and in the
-seed of the tokenizer, 0 to 4 (`codes` and `quantizers`: 0 to 2). All parts have one evaluator, which the first one
+seed of the tokenizer, 0 to 4 (`codes`: 0 to 2). All parts have one evaluator, which the first one
 trains. The parts `words` and `sentence` want data/minilm-words.safetensors and data/minilm-sentence.safetensors, which
 embed_captions.py makes of all-MiniLM-L6-v2 with `--level word` and `--level sentence`.
 
@@ -67,7 +67,9 @@ PARTS = {
         "quantizer: {kind: multiscale, inner: vq, scales: mini, cosine: false, mix: 0.5}}",
     ],
     "positions": ["grid.vary={tokenizer.positions: [learned]}", f"tokenizer.language={BOTH}", *TOKENIZERS_ALONE],
-    "norms": ["grid.vary={tokenizer.norm: [post]}", f"tokenizer.language={BOTH}", *TOKENIZERS_ALONE],
+    "norms": ["grid.vary={tokenizer.norm: [post, layer]}", f"tokenizer.language={BOTH}", *TOKENIZERS_ALONE],
+    "activations": ["grid.vary={tokenizer.ffn: [gelu]}", f"tokenizer.language={BOTH}", *TOKENIZERS_ALONE],
+    "skips": ["grid.vary={tokenizer.skips: [false]}", f"tokenizer.language={BOTH}", *TOKENIZERS_ALONE],
     "momask": [
         "grid.vary={}",
         "tokenizer={" + CONVOLUTIONAL + f", window: 64, quantizer: {RESIDUAL}" + "}",
@@ -80,7 +82,7 @@ PARTS = {
         "tokenizer.window=64",
         *MOMASK,
     ],
-    "quantizers": ["tokenizer.seeds=[0, 1, 2]"],
+    "quantizers": [],
     "words": SCAMO,
     "sentence": [*SCAMO, "text={encoder: file, path: data/minilm-sentence.safetensors, dim: 384, max_tokens: 1}"],
 }
@@ -227,6 +229,9 @@ CLAIMS = [
     ("a transformer, no language (Table 2)", "language none", "networks convolutional", ["rfid", "mpjpe", "gfid", "r1"]),
     ("rotary positions (4d)", "language both", "positions learned", ["rfid", "mpjpe"]),
     ("RMSNorm before each part", "language both", "norms post", ["rfid", "mpjpe"]),
+    ("RMSNorm in place of LayerNorm (4a)", "norms post", "norms layer", ["rfid", "mpjpe"]),
+    ("SwiGLU in place of GELU (4b)", "language both", "activations gelu", ["rfid", "mpjpe"]),
+    ("skips (4c)", "language both", "skips false", ["rfid", "mpjpe"]),
     ("MoMask on LG-Tok's tokenizer (Table 3)", "momask-lg both", "momask convolutional", ["rfid", "mpjpe", "gfid", "r1"]),
     *((f"FSQ in place of VQ, V = {V} (ScaMo's Table 5)", f"quantizers fsq {V}", f"quantizers vq {V}",
        ["mpjpe", "l1", "codes"]) for V in (240, 1000, 4375, 15360)),

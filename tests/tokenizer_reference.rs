@@ -18,8 +18,9 @@ use isoflop::spec::{ArchitectureSpec, TransformerSpec};
 use isoflop::tokenizer::{AnyDecoder, AnyEncoder, Captions, Pass};
 use reference::{Reference, TOLERANCE, relative_error};
 
-/// Norm, positions, detokenizer, the halves that see captions, and the number of latents where it is fixed.
-const VARIANTS: [&str; 7] = [
+/// Norm, positions, detokenizer, the halves that see captions, and where it is so the fixed number of latents, or GELU
+/// without skips.
+const VARIANTS: [&str; 8] = [
     "post-learned-cross-tokenizer-detokenizer",
     "pre-learned-cross-none",
     "pre-rotary-context-tokenizer-detokenizer",
@@ -27,6 +28,7 @@ const VARIANTS: [&str; 7] = [
     "post-learned-context-tokenizer",
     "post-learned-cross-tokenizer-5-latents",
     "pre-rotary-cross-detokenizer-5-latents",
+    "layer-rotary-cross-tokenizer-gelu-unskipped",
 ];
 
 /// What stands in a file of reference values beside its tensors.

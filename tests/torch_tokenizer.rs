@@ -27,7 +27,7 @@ const WITHIN_IN_THE_END: f64 = 1e-3;
 const STOPPED: i32 = 143;
 
 /// A section and the size of its vocabulary.
-const TOKENIZERS: [(&str, usize); 9] = [
+const TOKENIZERS: [(&str, usize); 10] = [
     ("{kind: fsq, width: 16, depth: 2, batch: 4}", 240),
     // More latents a step than codes.
     ("{kind: vq, width: 16, depth: 2, batch: 8}", 64),
@@ -58,6 +58,11 @@ const TOKENIZERS: [(&str, usize); 9] = [
     (
         "{kind: transformer, width: 16, heads: 2, latent: 8, batch: 4, latents: 9, positions: rotary, \
           quantizer: {kind: multiscale, scales: [1, 2, 4, 9]}}",
+        16,
+    ),
+    (
+        "{kind: transformer, width: 16, heads: 2, latent: 8, batch: 4, norm: layer, ffn: gelu, skips: false, \
+          quantizer: {kind: multiscale, scales: [1, 2, 4]}}",
         16,
     ),
     (

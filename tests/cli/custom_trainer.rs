@@ -10,8 +10,7 @@ use serde_json::Value;
 
 use super::support::processes::{end_within, kill_9, signal, wait_for, workers};
 use super::support::{OWN, Place, records, worked_trainer};
-
-const PATIENCE: Duration = Duration::from_secs(300);
+use super::victim::PATIENCE;
 
 /// The folder of the only run.
 fn run_folder(place: &Place) -> String {

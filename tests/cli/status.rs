@@ -3,16 +3,13 @@
 use std::fs::{self, File};
 use std::path::Path;
 use std::process::{Child, Stdio};
-use std::time::Duration;
 
 use serde_json::{Value, json};
 
 use super::failures::ONE_DIVERGES;
 use super::support::processes::{end_within, wait_for, workers};
 use super::support::{Place, finished_mini, records};
-
-/// Far longer than the sweep takes: a test that waits so long has failed.
-const PATIENCE: Duration = Duration::from_secs(300);
+use super::victim::PATIENCE;
 
 fn status(place: &Place, results: &str) -> Value {
     place.isoflop(&["status", results, "--json"]).exits(0).json()

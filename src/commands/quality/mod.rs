@@ -1,4 +1,4 @@
-//! Scored runs of a sweep: their table, their figure, and whether loss predicts quality.
+//! Scored runs of a sweep: their table, their figure, and whether loss predicts quality within budgets and across.
 
 use super::prelude::*;
 use isoflop::figures::{self, Format, draw_alone};
@@ -33,10 +33,11 @@ impl Scored {
             output.warn(&error.to_string());
             Vec::new()
         });
-        let (ranks, best) = (loss_ranks(&rows), best(&rows));
+        let within = loss_ranks(&rows, |row| row.run.planned.budget_flops.to_bits());
+        let (across, best) = (loss_ranks(&rows, |_| 0), best(&rows));
         let laws = fid_laws(&best);
         let agreements = agreements(&rows, &by_others);
-        let text = text(folder, &rows, (&ranks, &agreements), (&best, &laws));
+        let text = text(folder, &rows, [&within, &across, &agreements], (&best, &laws));
         let named = |key: &str, all: &[Ranks]| -> Vec<Value> {
             let one =
                 |own: &Ranks| json!({ key: own.of, "fid": own.fid, "r_precision_1": own.first });
@@ -44,7 +45,8 @@ impl Scored {
         };
         let document = json!({
             "runs": rows.len(), "evaluator_id": rows[0].evaluator_id,
-            "ranks": named("generator", &ranks), "agreement": named("evaluator_id", &agreements),
+            "ranks_within_budgets": named("generator", &within), "ranks": named("generator", &across),
+            "agreement": named("evaluator_id", &agreements),
             "best": best, "fid_laws": laws, "figures": figures,
         });
         Ok(Some(Self { document, text }))
@@ -62,22 +64,30 @@ struct Ranks {
 }
 
 impl Ranks {
-    /// From the pairs of values of each run, by the name of a score.
-    fn new(of: &str, pairs: impl Fn(&str) -> Vec<(f64, f64)>) -> Self {
-        let [fid, first] = ["fid", "r_precision_1"].map(|name| rank_correlation(&pairs(name)).ok());
+    /// From the pairs of values of each run, in groups, by the name of a score.
+    fn new(of: &str, groups: impl Fn(&str) -> Vec<Vec<(f64, f64)>>) -> Self {
+        let [fid, first] =
+            ["fid", "r_precision_1"].map(|name| rank_correlation(&groups(name)).ok());
         Self { of: of.to_string(), fid, first }
     }
 }
 
-/// Rank correlation of loss and scores within each generator. Losses of different generators are not compared: the
-/// loss of a masked one is a bound.
-fn loss_ranks(rows: &[Quality]) -> Vec<Ranks> {
+/// Rank correlation of loss and scores within each generator, and within the groups of its runs. Losses of different
+/// generators are not compared: the loss of a masked one is a bound.
+fn loss_ranks(rows: &[Quality], group: impl Fn(&Quality) -> u64) -> Vec<Ranks> {
     let mut by_generator: BTreeMap<&str, Vec<&Quality>> = BTreeMap::new();
     rows.iter().for_each(|row| by_generator.entry(row.generator()).or_default().push(row));
     let ranks = |(generator, own): (&str, Vec<&Quality>)| {
         let pair =
             |row: &Quality, name: &str| Some((row.run.loss_normalised().ok()?, row.mean(name)?));
-        Ranks::new(generator, |name| own.iter().filter_map(|row| pair(row, name)).collect())
+        let groups = |name: &str| {
+            let mut groups: BTreeMap<u64, Vec<(f64, f64)>> = BTreeMap::new();
+            for (row, pair) in own.iter().filter_map(|row| Some((row, pair(row, name)?))) {
+                groups.entry(group(row)).or_default().push(pair);
+            }
+            groups.into_values().collect()
+        };
+        Ranks::new(generator, groups)
     };
     by_generator.into_iter().map(ranks).collect()
 }
@@ -89,7 +99,7 @@ fn agreements(own: &[Quality], by_others: &[Vec<Quality>]) -> Vec<Ranks> {
         let by_run: HashMap<String, &Quality> = others.iter().map(|row| (id(row), row)).collect();
         let pair =
             |row: &Quality, name: &str| Some((row.mean(name)?, by_run.get(&id(row))?.mean(name)?));
-        let pairs = |name: &str| own.iter().filter_map(|row| pair(row, name)).collect();
+        let pairs = |name: &str| vec![own.iter().filter_map(|row| pair(row, name)).collect()];
         let ranks = Ranks::new(&others.first()?.evaluator_id, pairs);
         (ranks.fid.is_some() && ranks.first.is_some()).then_some(ranks)
     };
@@ -102,7 +112,7 @@ fn agreements(own: &[Quality], by_others: &[Vec<Quality>]) -> Vec<Ranks> {
 fn text(
     folder: &ResultsFolder,
     rows: &[Quality],
-    (ranks, agreements): (&[Ranks], &[Ranks]),
+    [within, across, agreements]: [&[Ranks]; 3],
     (best, laws): (&[Best], &[FidLaw]),
 ) -> String {
     let row = |row: &Quality| {
@@ -126,7 +136,8 @@ fn text(
     );
     text += &of_budgets(best);
     laws.iter().for_each(|law| text += &of_law(law));
-    text += &of_ranks("<rank correlation with L_u", ranks);
+    text += &of_ranks("<rank correlation with L_u within budgets", within);
+    text += &of_ranks("<across budgets", across);
     text += &of_ranks("<with those by evaluator", agreements);
     let root = folder.root().display();
     let evaluator = &rows[0].evaluator_id;

@@ -11,15 +11,12 @@ mod storage;
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
-use std::time::Duration;
 
 use serde_json::Value;
 
 use super::support::processes::{end_within, kill_9, wait_for, workers};
 use super::support::{OWN, Place, finished_mini, records};
-
-/// Far longer than anything here takes on a busy machine: a test that waits so long has failed.
-const PATIENCE: Duration = Duration::from_secs(300);
+use super::victim::PATIENCE;
 
 /// A trainer that does what it should.
 const GOOD: &str = r#"echo '{"loss_nats": 1, "loss_normalised": 1}' > "$2""#;

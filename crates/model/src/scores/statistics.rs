@@ -52,48 +52,52 @@ const DRAWS: usize = 2000;
 /// Things below which a rank correlation says nothing.
 const LEAST: usize = 5;
 
-/// Spearman's rank correlation.
+/// Spearman's rank correlation, or its like within groups.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RankCorrelation {
     pub value: f64,
-    /// 95 % of 2000 draws of as many things, with replacement.
+    /// 95 % of 2000 draws of as many things of each group, with replacement.
     pub interval: [f64; 2],
+    /// Things in groups of two or more.
     pub n: usize,
 }
 
-/// That of pairs; things that are alike share the mean of their ranks.
+/// That of pairs in groups, which are ranked apart: what differs between groups has no part in it. Things that are
+/// alike share the mean of their ranks.
 ///
 /// # Errors
-/// [`ScoreError::TooFew`] below five pairs.
-pub fn rank_correlation(pairs: &[(f64, f64)]) -> Result<RankCorrelation, ScoreError> {
-    let n = pairs.len();
+/// [`ScoreError::TooFew`] below five pairs in groups of two or more.
+pub fn rank_correlation(groups: &[Vec<(f64, f64)>]) -> Result<RankCorrelation, ScoreError> {
+    let n = groups.iter().map(Vec::len).filter(|n| *n > 1).sum();
     ScoreError::unless_enough("a rank correlation", "runs", LEAST, n)?;
     let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let draw = |_| spearman(&(0..n).map(|_| pairs[below(&mut rng, n)]).collect::<Vec<_>>());
+    let mut again = |pairs: &Vec<(f64, f64)>| -> Vec<(f64, f64)> {
+        pairs.iter().map(|_| pairs[below(&mut rng, pairs.len())]).collect()
+    };
+    let draw = |_| spearman(&groups.iter().map(&mut again).collect::<Vec<_>>());
     let mut drawn: Vec<f64> = (0..DRAWS).map(draw).collect();
     drawn.sort_by(f64::total_cmp);
     let end = |share: f64| drawn[(share * (DRAWS - 1) as f64).round() as usize];
-    Ok(RankCorrelation { value: spearman(pairs), interval: [end(0.025), end(0.975)], n })
+    Ok(RankCorrelation { value: spearman(groups), interval: [end(0.025), end(0.975)], n })
 }
 
-/// The correlation of ranks; 0 if all of a side are alike.
-fn spearman(pairs: &[(f64, f64)]) -> f64 {
-    let (x, y): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
-    let (x, y) = (ranks(&x), ranks(&y));
-    let mean = (pairs.len() + 1) as f64 / 2.0;
-    let sum = |a: &[f64], b: &[f64]| -> f64 {
-        a.iter().zip(b).map(|(a, b)| (a - mean) * (b - mean)).sum()
+/// The correlation of ranks less their group's mean; 0 if all of a side are alike.
+fn spearman(groups: &[Vec<(f64, f64)>]) -> f64 {
+    let of = |side: fn(&(f64, f64)) -> f64| -> Vec<f64> {
+        groups.iter().flat_map(|pairs| ranks(&pairs.iter().map(side).collect::<Vec<_>>())).collect()
     };
+    let (x, y) = (of(|pair| pair.0), of(|pair| pair.1));
+    let sum = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
     let scale = (sum(&x, &x) * sum(&y, &y)).sqrt();
     if scale == 0.0 { 0.0 } else { sum(&x, &y) / scale }
 }
 
-/// Ranks from 1.
+/// Ranks, of mean 0.
 fn ranks(values: &[f64]) -> Vec<f64> {
     let rank = |value: &f64| {
         let below = values.iter().filter(|other| *other < value).count();
         let level = values.iter().filter(|other| *other == value).count();
-        below as f64 + (level + 1) as f64 / 2.0
+        below as f64 + (level as f64 - values.len() as f64) / 2.0
     };
     values.iter().map(rank).collect()
 }
@@ -137,7 +141,7 @@ mod tests {
     fn what_rises_together_has_one_and_what_falls_has_minus_one() {
         let of = |power: i32| {
             let pairs: Vec<_> = (1..9).map(|i| (f64::from(i), f64::from(i).powi(power))).collect();
-            rank_correlation(&pairs).unwrap()
+            rank_correlation(&[pairs]).unwrap()
         };
         assert_eq!(of(3), RankCorrelation { value: 1.0, interval: [1.0, 1.0], n: 8 });
         assert_eq!(of(-2).value, -1.0);
@@ -146,10 +150,24 @@ mod tests {
     /// SciPy's spearmanr of the same numbers.
     #[test]
     fn things_that_are_alike_share_ranks() {
-        let pairs = [(1.0, 2.0), (2.0, 2.0), (2.0, 5.0), (4.0, 3.0), (5.0, 9.0), (6.0, 7.0)];
-        let found = rank_correlation(&pairs).unwrap();
+        let pairs = vec![(1.0, 2.0), (2.0, 2.0), (2.0, 5.0), (4.0, 3.0), (5.0, 9.0), (6.0, 7.0)];
+        let found = rank_correlation(std::slice::from_ref(&pairs)).unwrap();
         assert!((found.value - 0.808_823_529_411_764_7).abs() < 1e-12, "{}", found.value);
         assert!(found.interval[0] < found.value && found.value < found.interval[1]);
-        assert!(rank_correlation(&pairs[..4]).is_err());
+        assert!(rank_correlation(&[pairs[..4].to_vec()]).is_err());
+    }
+
+    #[test]
+    fn what_differs_between_groups_has_no_part() {
+        // Groups rise together, and within each one things fall.
+        let group = |of: i32| -> Vec<(f64, f64)> {
+            (0..5).map(|i| (f64::from(10 * of + i), f64::from(10 * of - i))).collect()
+        };
+        let groups: Vec<_> = (0..4).map(group).collect();
+        assert!(rank_correlation(&[groups.concat()]).unwrap().value > 0.5);
+        let within = rank_correlation(&groups).unwrap();
+        assert_eq!(within, RankCorrelation { value: -1.0, interval: [-1.0, -1.0], n: 20 });
+        let lone: Vec<_> = groups.concat().into_iter().map(|pair| vec![pair]).collect();
+        assert!(rank_correlation(&lone).is_err(), "a group of one has no order");
     }
 }

@@ -122,7 +122,11 @@ pub fn embed(
     let (distinct, splits) = captions_of(source);
     let (embeddings, words) = vectors_of(encoder, &distinct)?;
     encoder.unchanged()?;
-    let shown = splits[Split::Train as usize].0.iter().map(|&id| &distinct[id as usize]);
+    let (captions, offsets) = &splits[Split::Train as usize];
+    // Without long clips, which generators do not see.
+    let offsets = &offsets[..=source.n_clips(Split::Train)];
+    let captions = &captions[..offsets[offsets.len() - 1] as usize];
+    let shown = captions.iter().map(|&id| &distinct[id as usize]);
     let known: BTreeSet<u64> = shown.flat_map(|caption| words_of(caption)).map(hash).collect();
     let known = Vec::from_iter(known);
     let mut all = vec![
@@ -134,7 +138,7 @@ pub fn embed(
         all.push(NewColumn::new(format!("{}.captions", split.name()), captions));
         all.push(NewColumn::new(format!("{}.offsets", split.name()), offsets));
     }
-    let lengths = length_estimator(source, &splits[Split::Train as usize], &embeddings, &words);
+    let lengths = length_estimator(source, (captions, offsets), &embeddings, &words);
     if let Some(lengths) = &lengths {
         all.extend(lengths.columns());
     }
@@ -144,7 +148,7 @@ pub fn embed(
 /// A length estimator trained on the captions of the training split; `None` without clips.
 fn length_estimator(
     source: &dyn MotionSource,
-    (captions, offsets): &SplitCaptions,
+    (captions, offsets): (&[u32], &[u64]),
     embeddings: &[f32],
     words: &[u64],
 ) -> Option<LengthEstimator> {
@@ -191,7 +195,7 @@ pub fn unseen_words(path: &Path, captions: &[String]) -> Result<Option<Vec<Strin
     Ok(Some(unseen))
 }
 
-/// Captions of a split, clip by clip, and the start of each clip's, with the end.
+/// Captions of a split, clip by clip, long ones last, and the start of each clip's, with the end.
 type SplitCaptions = (Vec<u32>, Vec<u64>);
 
 /// The distinct captions in order of first occurrence, and the captions of each split.
@@ -199,7 +203,8 @@ fn captions_of(source: &dyn MotionSource) -> (Vec<String>, [SplitCaptions; 3]) {
     let mut ids: HashMap<String, u32> = HashMap::new();
     let splits = Split::ALL.map(|split| {
         let (mut captions, mut offsets) = (Vec::new(), vec![0]);
-        for clip in 0..source.n_clips(split) {
+        let long = if split == Split::Train { source.n_long() } else { 0 };
+        for clip in 0..source.n_clips(split) + long {
             moved();
             for caption in source.captions(split, clip) {
                 let next = ids.len() as u32;

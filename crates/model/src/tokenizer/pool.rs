@@ -1,5 +1,6 @@
 //! [`WindowPool`]: training clips in memory, and random windows of them.
 
+use std::ops::Range;
 use std::path::Path;
 
 use rand_chacha::ChaCha8Rng;
@@ -28,11 +29,13 @@ pub struct WindowPool {
     /// Frames up to and with each clip, if clips are drawn by their frames, and some are shorter than a
     /// window; `None` if each is drawn as often.
     frames_upto: Option<Vec<usize>>,
+    /// Clips from here on make half of a step's windows; the number of clips if none do.
+    long_from: usize,
 }
 
 impl WindowPool {
-    /// Loads up to `spec.training.pool_clips` clips of the training split, drawn without replacement,
-    /// and their mirror images where these are trained on.
+    /// Loads up to `spec.training.pool_clips` clips of the training split, drawn without replacement, as many of its long
+    /// ones, and their mirror images where these are trained on.
     ///
     /// # Errors
     /// If no clip holds a window (or, with the loss of joints, a code), or one cannot be read.
@@ -43,7 +46,12 @@ impl WindowPool {
     ) -> Result<Self, TokenizerError> {
         let by_frames = spec.training.loss == TokenizerLoss::Joints;
         let least = if by_frames { spec.stride() } else { spec.training.window };
-        let chosen = choose(&usable(source, least)?, spec.training.pool_clips, rng);
+        let [usable, long] = usable(source, least)?;
+        let mut chosen = choose(&usable, spec.training.pool_clips, rng);
+        let ordinary = chosen.len();
+        if !long.is_empty() {
+            chosen.extend(choose(&long, spec.training.pool_clips, rng));
+        }
         let normaliser = Normaliser::new(spec, source.stats());
         let load = |&index: &usize| {
             let features = source.features(Split::Train, index)?;
@@ -64,7 +72,9 @@ impl WindowPool {
             frames
         };
         let frames_upto = by_frames.then(|| clips.iter().map(upto).collect());
-        Ok(Self { clips, origins, n_features, frames_upto })
+        let halved = source.metadata().half_long && !long.is_empty();
+        let long_from = if halved { images * ordinary } else { clips.len() };
+        Ok(Self { clips, origins, n_features, frames_upto, long_from })
     }
 
     /// Writes all clips as one file of columns, with the statistics of their normalisation.
@@ -77,24 +87,28 @@ impl WindowPool {
             offsets.push(offsets[offsets.len() - 1] + (clip.len() / self.n_features) as u64);
         }
         let origins: Vec<u64> = self.origins.iter().map(|&origin| origin as u64).collect();
-        let values = self.clips.concat();
+        let (values, long_from) = (self.clips.concat(), [self.long_from as u64]);
         let columns = [
             NewColumn::new("values", &values),
             NewColumn::new("offsets", &offsets),
             NewColumn::new("origins", &origins),
+            NewColumn::new("long_from", &long_from),
             NewColumn::new("mean", &normaliser.mean),
             NewColumn::new("std", &normaliser.std),
         ];
         write(path, &columns, None)
     }
 
-    /// `n` windows of `n_frames` frames, at most `spec.training.window`: a random clip, then a random start.
+    /// `n` windows of `n_frames` frames, at most `spec.training.window`: a random clip, then a random start. The first half
+    /// are of the clips that make half of them.
     pub fn windows(&self, n: usize, n_frames: usize, rng: &mut ChaCha8Rng) -> Windows {
         let mut values = Vec::with_capacity(n * n_frames * self.n_features);
         let mut visible = Vec::with_capacity(n * n_frames);
         let mut clips = Vec::with_capacity(n);
-        for _ in 0..n {
-            let (clip, own) = self.draw(n_frames, rng);
+        for i in 0..n {
+            let (all, is_long) = (self.clips.len(), i < n / 2 && self.long_from < self.clips.len());
+            let of = if is_long { self.long_from..all } else { 0..self.long_from };
+            let (clip, own) = self.draw(of, n_frames, rng);
             clips.push(self.origins[clip]);
             let missing = n_frames - own.len() / self.n_features;
             values.extend_from_slice(own);
@@ -105,12 +119,14 @@ impl WindowPool {
         Windows { values, visible, n_frames, clips }
     }
 
-    /// A clip of the pool and a window of it, or all of a clip that is shorter.
-    fn draw(&self, window: usize, rng: &mut ChaCha8Rng) -> (usize, &[f32]) {
+    /// One of these clips and a window of it, or all of a clip that is shorter.
+    fn draw(&self, of: Range<usize>, window: usize, rng: &mut ChaCha8Rng) -> (usize, &[f32]) {
         let index = match &self.frames_upto {
-            None => below(rng, self.clips.len()),
+            None => of.start + below(rng, of.len()),
             Some(upto) => {
-                let frame = below(rng, upto.last().copied().unwrap_or(1));
+                let before = |clip: usize| if clip == 0 { 0 } else { upto[clip - 1] };
+                let [first, end] = [of.start, of.end].map(before);
+                let frame = first + below(rng, end - first);
                 upto.partition_point(|end| *end <= frame)
             }
         };
@@ -146,16 +162,17 @@ impl WindowPool {
     }
 }
 
-/// The training clips that hold so many frames.
-fn usable(source: &dyn MotionSource, window: usize) -> Result<Vec<usize>, TokenizerError> {
+/// The training clips that hold so many frames, and the long ones that do.
+fn usable(source: &dyn MotionSource, window: usize) -> Result<[Vec<usize>; 2], TokenizerError> {
     let n_clips = source.n_clips(Split::Train);
     let frames = |index: usize| source.n_frames(Split::Train, index);
-    let usable: Vec<usize> = (0..n_clips).filter(|&index| frames(index) >= window).collect();
+    let [usable, long] = [0..n_clips, n_clips..n_clips + source.n_long()]
+        .map(|all| all.filter(|&index| frames(index) >= window).collect::<Vec<_>>());
     if usable.is_empty() {
         let longest = (0..n_clips).map(frames).max().unwrap_or(0);
         return Err(TokenizerError::NoWindow { window, n_clips, longest });
     }
-    Ok(usable)
+    Ok([usable, long])
 }
 
 /// `n` of `indices` at most, in ascending order.
@@ -176,7 +193,7 @@ mod tests {
     #[test]
     fn short_clips_are_left_out_and_none_at_all_is_an_error() {
         let source = Waves::new(&[16, 40, 12, 24], 2);
-        assert_eq!(usable(&source, 20).unwrap(), [1, 3]);
+        assert_eq!(usable(&source, 20).unwrap(), [vec![1, 3], vec![]]);
         let error = usable(&source, 48).unwrap_err().to_string();
         assert!(error.contains("48 frames") && error.contains("40"), "{error}");
     }
@@ -229,6 +246,28 @@ mod tests {
         let four = Vec::from_iter(pool.patches(4, 4).map(<[f32]>::as_ptr));
         let all = Vec::from_iter(pool.patches(4, 36).map(<[f32]>::as_ptr));
         assert_eq!(four, [0, 9, 18, 27].map(|at| all[at]));
+    }
+
+    #[test]
+    fn half_of_the_windows_are_of_long_clips_where_these_are_to_make_half() {
+        for (half_long, loss) in [
+            (true, TokenizerLoss::Features),
+            (true, TokenizerLoss::Joints),
+            (false, TokenizerLoss::Features),
+        ] {
+            let mut source = Waves::new(&[24, 16, 32, 17, 200, 240], crate::motion::N_FEATURES);
+            (source.n_long, source.metadata.half_long) = (2, half_long);
+            let mut spec = TokenizerSpec::default();
+            (spec.training.window, spec.training.loss) = (8, loss);
+            let mut rng = ChaCha8Rng::seed_from_u64(0);
+            let pool = WindowPool::load(&source, &spec, &mut rng).unwrap();
+            assert_eq!(pool.origins, [0, 1, 2, 3, 4, 5]);
+            let of_long = |windows: &[usize]| windows.iter().filter(|clip| **clip > 3).count();
+            let windows = pool.windows(60, 8, &mut rng).clips;
+            let found = [of_long(&windows[..30]), of_long(&windows[30..])];
+            assert_eq!(found == [30, 0], half_long, "{found:?}");
+            assert!(half_long || found.iter().all(|n| *n > 0), "{found:?}");
+        }
     }
 
     #[test]

@@ -10,6 +10,8 @@ use crate::text::{HashedNgrams, TextStore, embed};
 /// Clips of sine waves, the same lengths in every split.
 pub struct Waves {
     lengths: Vec<usize>,
+    /// So many of these are long ones.
+    pub n_long: usize,
     pub metadata: Metadata,
     /// A clip that is full of NaN.
     pub spoiled: Option<(Split, usize)>,
@@ -21,7 +23,7 @@ impl Waves {
         let std = (0..n_features).map(|f| 0.5 + (f % 3) as f32).collect();
         let (stats, digest) = (FeatureStats { mean, std }, "waves".to_string());
         let metadata = Metadata { stats, fps: 20.0, digest, ..Metadata::default() };
-        Self { lengths: lengths.to_vec(), metadata, spoiled: None }
+        Self { lengths: lengths.to_vec(), n_long: 0, metadata, spoiled: None }
     }
 
     /// Features of clip `index`; another `phase` is another clip.
@@ -39,7 +41,11 @@ impl Waves {
 
 impl MotionSource for Waves {
     fn n_clips(&self, _: Split) -> usize {
-        self.lengths.len()
+        self.lengths.len() - self.n_long
+    }
+
+    fn n_long(&self) -> usize {
+        self.n_long
     }
 
     fn n_frames(&self, _: Split, index: usize) -> usize {

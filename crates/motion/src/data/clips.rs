@@ -167,8 +167,24 @@ pub fn items_of(
         Ok(n_frames) => n_frames,
         Err(clause) => return (Vec::new(), vec![format!("clip {} {clause}; left out", clip.id)]),
     };
+    let whole = whole(clip, index, n_frames);
+    let (parts, skipped) = parts_of(clip, &whole, rule, fps);
+    let whole = (!whole.captions.is_empty()).then_some(whole);
+    (whole.into_iter().chain(parts).collect(), skipped)
+}
+
+/// All of a clip that is too long for an item, with the captions that describe it all; `None` if it is not, or has no
+/// such caption.
+pub fn long_item(clip: &ClipFile, index: usize, rule: LengthRule) -> Option<Item> {
+    let n_frames = clip.n_frames() - clip.n_frames() % UNIT_FRAMES;
+    let whole = whole(clip, index, n_frames);
+    (n_frames > rule.max_frames && !whole.captions.is_empty()).then_some(whole)
+}
+
+/// The clip from its start, with the captions that describe it all.
+fn whole(clip: &ClipFile, index: usize, n_frames: usize) -> Item {
     let of_whole = clip.annotations.iter().filter(|own| own.span_s.is_none());
-    let whole = Item {
+    Item {
         clip: index,
         stem: clip.id.clone(),
         letter: None,
@@ -177,10 +193,7 @@ pub fn items_of(
         mirrored: false,
         captions: of_whole.clone().map(|own| own.caption.clone()).collect(),
         tokens: of_whole.map(|own| own.tokens.clone()).collect(),
-    };
-    let (parts, skipped) = parts_of(clip, &whole, rule, fps);
-    let whole = (!whole.captions.is_empty()).then_some(whole);
-    (whole.into_iter().chain(parts).collect(), skipped)
+    }
 }
 
 fn parts_of(clip: &ClipFile, whole: &Item, rule: LengthRule, fps: f64) -> (Vec<Item>, Vec<String>) {

@@ -11,7 +11,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::clips::{ClipFile, Item, LengthRule, items_of, load_clip};
+use super::clips::{ClipFile, Item, LengthRule, items_of, load_clip, long_item};
 use super::look::{Found, Held, Look, Seen, is_image, look};
 use super::motion_files::{FPS, MotionFiles, frame_rate};
 use super::source::{
@@ -20,7 +20,7 @@ use super::source::{
 };
 use super::texts::{Groups, read_splits};
 use crate::motion::{N_FEATURES, mirror_features};
-use crate::spec::BrokenFiles;
+use crate::spec::{BrokenFiles, LongClips};
 
 /// How clips are made from the files; by default not mirrored, broken files skipped.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,6 +32,8 @@ pub struct HumanMl3dOptions {
     pub broken: BrokenFiles,
     /// The lengths that are used.
     pub lengths: LengthRule,
+    /// The use of training clips above them.
+    pub long_clips: LongClips,
     /// Frames per second, if the folder does not store it.
     pub fps: Option<f64>,
     /// Whether every clip is looked at for what is odd, in place of a sample of them.
@@ -73,7 +75,7 @@ impl HumanMl3d {
             }
             broken.extend(problems);
             if let Some(clip) = clip {
-                library.add(clip, wanted, options.lengths, fps);
+                library.add(clip, wanted, options, fps);
             }
         }
         let shown = path.display().to_string();
@@ -95,7 +97,14 @@ impl HumanMl3d {
         let mut warnings = [&broken[..], &library.skipped].concat();
         let groups = Groups::read(path).map_err(|problem| warnings.push(problem));
         let groups = groups.unwrap_or_default();
-        let metadata = Metadata { stats, fps: fps as f32, digest, warnings, remarks };
+        let half_long = options.long_clips == LongClips::Half;
+        if options.long_clips != LongClips::Skip && library.long.is_empty() {
+            let most = options.lengths.max_frames;
+            warnings.push(format!(
+                "long_clips: no training clip with a caption is longer than {most} frames"
+            ));
+        }
+        let metadata = Metadata { stats, fps: fps as f32, digest, half_long, warnings, remarks };
         Ok(HumanMl3d { library, groups, metadata })
     }
 }
@@ -105,28 +114,32 @@ impl MotionSource for HumanMl3d {
         self.library.items[split as usize].len()
     }
 
+    fn n_long(&self) -> usize {
+        self.library.long.len()
+    }
+
     fn clip_id(&self, split: Split, index: usize) -> String {
-        self.library.items[split as usize][index].id()
+        self.library.item(split, index).id()
     }
 
     fn group(&self, split: Split, index: usize) -> String {
-        self.groups.of(&self.library.items[split as usize][index].stem)
+        self.groups.of(&self.library.item(split, index).stem)
     }
 
     fn n_frames(&self, split: Split, index: usize) -> usize {
-        self.library.items[split as usize][index].n_frames
+        self.library.item(split, index).n_frames
     }
 
     fn captions(&self, split: Split, index: usize) -> Vec<String> {
-        self.library.items[split as usize][index].captions.clone()
+        self.library.item(split, index).captions.clone()
     }
 
     fn tokens(&self, split: Split, index: usize) -> Vec<String> {
-        self.library.items[split as usize][index].tokens.clone()
+        self.library.item(split, index).tokens.clone()
     }
 
     fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError> {
-        Ok(self.library.features(&self.library.items[split as usize][index]))
+        Ok(self.library.features(self.library.item(split, index)))
     }
 
     fn metadata(&self) -> &Metadata {
@@ -143,6 +156,8 @@ struct Library {
     names: Vec<(Split, String)>,
     /// Items of train, val and test.
     items: [Vec<Item>; 3],
+    /// Training clips that are too long for items, where these are used.
+    long: Vec<Item>,
     /// Files of the clips.
     files: Vec<UsedFile>,
     /// Sentences about sound clips whose length rules them out.
@@ -150,18 +165,32 @@ struct Library {
 }
 
 impl Library {
-    fn add(&mut self, clip: ClipFile, wanted: &Wanted, rule: LengthRule, fps: f64) {
-        let (items, skipped) = items_of(&clip, self.clips.len(), rule, fps);
+    fn add(&mut self, clip: ClipFile, wanted: &Wanted, options: &HumanMl3dOptions, fps: f64) {
+        let (index, rule) = (self.clips.len(), options.lengths);
+        let uses_long = options.long_clips != LongClips::Skip && wanted.split == Split::Train;
+        let long = uses_long.then(|| long_item(&clip, index, rule)).flatten();
+        let place =
+            if long.is_some() { &mut self.long } else { &mut self.items[wanted.split as usize] };
+        let (items, skipped) = match long {
+            Some(long) => (vec![long], Vec::new()),
+            None => items_of(&clip, index, rule, fps),
+        };
         self.skipped.extend(skipped);
         if items.is_empty() {
             return;
         }
         let twins: Vec<Item> =
             if wanted.twin { items.iter().map(Item::mirrored).collect() } else { Vec::new() };
-        self.items[wanted.split as usize].extend(items.into_iter().chain(twins));
+        place.extend(items.into_iter().chain(twins));
         self.clips.push(clip.features);
         self.names.push((wanted.split, clip.id));
         self.files.extend(clip.files);
+    }
+
+    /// A clip of a split; long ones follow the others.
+    fn item(&self, split: Split, index: usize) -> &Item {
+        let own = &self.items[split as usize];
+        own.get(index).unwrap_or_else(|| &self.long[index - own.len()])
     }
 
     /// The clips as they are looked at.
@@ -274,14 +303,20 @@ fn twins(wanted: &mut [Wanted], loaded: &[(Option<ClipFile>, Vec<String>)]) -> V
 /// The treatment of broken files is left out: it changes no item if nothing is broken, and refusing gives no data
 /// set.
 fn rules(options: &HumanMl3dOptions, motion: MotionFiles, fps: f64) -> String {
-    let HumanMl3dOptions { mirror, lengths, broken: _, fps: _, look_at_all: _ } = options;
+    let HumanMl3dOptions { mirror, lengths, long_clips, broken: _, fps: _, look_at_all: _ } =
+        options;
     let LengthRule { min_frames, max_frames } = lengths;
     let rule = motion.rule;
     // Features that are made of joints are others at another rate since contacts and headings know it.
     let of_joints = if motion == MotionFiles::JOINTS { " contacts-2" } else { "" };
+    let long = match long_clips {
+        LongClips::Skip => "",
+        LongClips::Mix => " long=mix",
+        LongClips::Half => " long=half",
+    };
     let rate = if fps == FPS { String::new() } else { format!(" fps={fps}{of_joints}") };
     format!(
-        "humanml3d-1 mirror={mirror} min_frames={min_frames} max_frames={max_frames}{rule}{rate}"
+        "humanml3d-1 mirror={mirror} min_frames={min_frames} max_frames={max_frames}{rule}{rate}{long}"
     )
 }
 

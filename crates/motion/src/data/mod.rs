@@ -75,8 +75,9 @@ pub fn open(
 }
 
 fn folder(spec: &DataSection, path: &Path, fps: Option<f64>) -> Result<HumanMl3d, DataError> {
-    let DataSection { mirror, broken, .. } = *spec;
-    HumanMl3d::open(path, &HumanMl3dOptions { mirror, broken, fps, ..HumanMl3dOptions::default() })
+    let DataSection { mirror, broken, long_clips, .. } = *spec;
+    let others = HumanMl3dOptions::default();
+    HumanMl3d::open(path, &HumanMl3dOptions { mirror, broken, long_clips, fps, ..others })
 }
 
 fn procedural(spec: &DataSection, demand: Option<&Demand>) -> Procedural {

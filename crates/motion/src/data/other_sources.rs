@@ -141,6 +141,7 @@ impl Union {
             stats: stats(&members)?,
             fps: first.source.fps(),
             digest: digest("union-1", &parts),
+            half_long: members.iter().any(|member| member.source.metadata().half_long),
             warnings,
             remarks,
         };
@@ -152,18 +153,25 @@ impl Union {
     /// # Panics
     /// The split has fewer clips.
     fn place(&self, split: Split, mut index: usize) -> (&dyn MotionSource, &str, usize) {
-        let has = |member: &&Member| {
-            let n = member.source.n_clips(split);
-            index.checked_sub(n).map(|left| index = left).is_none()
-        };
-        let member = self.members.iter().find(has).expect("the split has so many clips");
-        (&*member.source, &member.name, index)
+        let mut has = |n: usize| index.checked_sub(n).map(|left| index = left).is_none();
+        let mut all = self.members.iter();
+        if let Some(member) = all.find(|member| has(member.source.n_clips(split))) {
+            return (&*member.source, &member.name, index);
+        }
+        let mut all = self.members.iter();
+        let member = all.find(|member| has(member.source.n_long()));
+        let member = member.expect("the split has so many clips");
+        (&*member.source, &member.name, member.source.n_clips(split) + index)
     }
 }
 
 impl MotionSource for Union {
     fn n_clips(&self, split: Split) -> usize {
         self.members.iter().map(|member| member.source.n_clips(split)).sum()
+    }
+
+    fn n_long(&self) -> usize {
+        self.members.iter().map(|member| member.source.n_long()).sum()
     }
 
     fn clip_id(&self, split: Split, index: usize) -> String {

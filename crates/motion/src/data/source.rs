@@ -51,6 +51,8 @@ pub struct Metadata {
     pub stats: FeatureStats,
     pub fps: f32,
     pub digest: String,
+    /// Whether half of a tokenizer's windows are of [long clips](MotionSource::n_long).
+    pub half_long: bool,
     pub warnings: Vec<String>,
     pub remarks: Vec<String>,
 }
@@ -103,6 +105,12 @@ impl DataError {
 pub trait MotionSource: Sync {
     /// Number of clips in `split`.
     fn n_clips(&self, split: Split) -> usize;
+
+    /// Clips of the training split that are too long for an item. Only tokenizers train on them; their indices follow
+    /// the others'.
+    fn n_long(&self) -> usize {
+        0
+    }
 
     /// A name for messages: the file's stem, with a letter before it for a sub-caption's clip.
     fn clip_id(&self, split: Split, index: usize) -> String {

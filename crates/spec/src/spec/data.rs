@@ -12,7 +12,7 @@ use super::KeyProblem;
 use crate::units::number::{self, plain};
 use crate::units::section;
 
-plain!(DataSource, MemberSection, BrokenFiles, Clips);
+plain!(DataSource, MemberSection, BrokenFiles, LongClips, Clips);
 plain!(Representation, TextEncoderKind, TextStates);
 
 // Motion.
@@ -49,6 +49,19 @@ pub enum BrokenFiles {
     Skip,
     /// Stop with an error that lists them all.
     Refuse,
+}
+
+/// The use of training clips that are too long: of 200 frames or more.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum LongClips {
+    /// They are left out, with a warning each.
+    #[default]
+    Skip,
+    /// Tokenizers train on windows of them too, as on those of any clip.
+    Mix,
+    /// Half of a tokenizer's windows are theirs, as in LG-Tok's out-of-distribution training.
+    Half,
 }
 
 /// A data set of a union.
@@ -100,6 +113,8 @@ section! {
         mirror: bool = true;
         /// `humanml3d`: the treatment of broken files.
         broken: BrokenFiles = BrokenFiles::default();
+        /// `humanml3d`: the use of training clips of 200 frames or more. Generators and evaluators never see them.
+        long_clips: LongClips = LongClips::default(), unless "crate::units::is_default";
         /// `procedural`: the generator's seed.
         seed: u64 = 0, 0 to 18_446_744_073_709_551_615u64;
         /// `procedural`: clips to train on, or `auto`.
@@ -136,6 +151,8 @@ impl DataSection {
         let no_files = self.source != DataSource::HumanMl3d && !united;
         let no_path = "a folder, where `source` reads none";
         let no_fps = "the rate of files, where `source` reads none";
+        let no_long = "clips of files, where `source` reads none";
+        let skips = self.long_clips == LongClips::Skip;
         let source = Some("source: humanml3d");
         let other = united && (self.path.is_some() || self.source == DataSource::None);
         let read = self.source != DataSource::HumanMl3d || self.path.is_some() || united;
@@ -144,6 +161,7 @@ impl DataSection {
             (!other, "union", "a union is all the data there is", Some(alone)),
             (!no_files || self.path.is_none(), "path", no_path, source),
             (!no_files || self.fps.is_none(), "fps", no_fps, source),
+            (!no_files || skips, "long_clips", no_long, source),
         ])
     }
 }

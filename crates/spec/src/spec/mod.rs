@@ -46,7 +46,7 @@ use serde_json::Value;
 use crate::units::ranges;
 
 pub use data::{
-    BrokenFiles, Clips, DataSection, DataSource, MemberSection, Origin, Representation,
+    BrokenFiles, Clips, DataSection, DataSource, LongClips, MemberSection, Origin, Representation,
     TextEncoderKind, TextSpec, TextStates,
 };
 pub use evaluator::{
@@ -70,8 +70,8 @@ pub use run::{
 };
 pub use tokenizer::{
     ArchitectureSpec, BegunFrom, Codes, ConvolutionalSpec, Detokenizer, LanguagePlace,
-    LanguageSection, LanguageSpec, NormPlacement, PatchSpec, Piece, Plateau, Positions,
-    SWIGLU_RATIO, TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerSpec,
+    LanguageSection, LanguageSpec, PatchSpec, Piece, Plateau, Positions, TokenizerKind,
+    TokenizerLoss, TokenizerNorm, TokenizerSchedule, TokenizerSection, TokenizerSpec,
     TokenizerTrainer, TokenizerTraining, TransformerSpec,
 };
 

@@ -51,11 +51,13 @@ class Conv(nn.Module):
 
 
 class Norm(nn.Module):
-    """RMSNorm."""
+    """RMSNorm, or LayerNorm, which has a bias."""
 
-    def __init__(self, width):
+    def __init__(self, width, centred):
         super().__init__()
-        self.gain = empty(width)
+        self.gain, self.bias = empty(width), empty(width) if centred else None
 
     def forward(self, x):
+        if self.bias is not None:
+            return F.layer_norm(x, x.shape[-1:], self.gain, self.bias, EPSILON)
         return x / (x.square().mean(-1, keepdim=True) + EPSILON).sqrt() * self.gain

@@ -11,7 +11,8 @@ from torch import nn
 from .layers import Conv, Linear, Norm, empty
 
 ROPE_BASE = 100.0
-SWIGLU_RATIO = 4
+# Weights of a feed-forward layer, as a multiple of the width's square.
+FFN_WEIGHTS = 12
 # The root and the joints' positions: the features that the encoder sees.
 N_SEEN = 67
 
@@ -122,35 +123,42 @@ class Memory:
 
 
 class FeedForward(nn.Module):
-    """SwiGLU with biases."""
+    """SwiGLU or GELU with biases, of as many weights."""
 
-    def __init__(self, width):
+    def __init__(self, width, ffn):
         super().__init__()
-        hidden = SWIGLU_RATIO * width
-        self.up, self.down = Linear(width, 2 * hidden), Linear(hidden, width)
+        self.gated = ffn == "swiglu"
+        hidden = FFN_WEIGHTS // (3 if self.gated else 2) * width
+        self.up, self.down = Linear(width, 2 * hidden if self.gated else hidden), Linear(hidden, width)
 
     def forward(self, x):
+        if not self.gated:
+            return self.down(F.gelu(self.up(x)))
         gate, up = self.up(x).chunk(2, -1)
         return self.down(F.silu(gate) * up)
 
 
 class Cross(nn.Module):
-    def __init__(self, width, heads):
+    def __init__(self, norm, width, heads):
         super().__init__()
-        self.norm, self.attention = Norm(width), CrossAttention(width, heads)
+        self.norm, self.attention = norm, CrossAttention(width, heads)
+
+
+def norm_of(sizes):
+    return Norm(sizes["width"], sizes["norm"] == "layer")
 
 
 class Layer(nn.Module):
-    """Attention of the rows to one another, to the latents, to the text, then SwiGLU."""
+    """Attention of the rows to one another, to the latents, to the text, then the feed-forward layer."""
 
     def __init__(self, sizes, crossing):
         super().__init__()
         width, heads = sizes["width"], sizes["heads"]
-        self.norm_attention, self.attention = Norm(width), SelfAttention(width, heads)
+        self.norm_attention, self.attention = norm_of(sizes), SelfAttention(width, heads)
         for name in crossing:
-            setattr(self, name, Cross(width, heads))
-        self.norm_ffn, self.ffn = Norm(width), FeedForward(width)
-        self.crossing, self.post, self.dropout = crossing, sizes["norm"] == "post", sizes["dropout"]
+            setattr(self, name, Cross(norm_of(sizes), width, heads))
+        self.norm_ffn, self.ffn = norm_of(sizes), FeedForward(width, sizes.get("ffn", "swiglu"))
+        self.crossing, self.post, self.dropout = crossing, sizes["norm"] != "pre", sizes["dropout"]
 
     def forward(self, x, rows, memories, noise):
         x = self.add(x, self.norm_attention, lambda x: self.attention(x, rows), rows, noise)
@@ -166,19 +174,19 @@ class Layer(nn.Module):
 
 
 class Layers(nn.Module):
-    """A U between two norms: what the layers before the middle one give goes into those after it."""
+    """Layers between two norms, with skips a U: what those before the middle one give goes into those after it."""
 
     def __init__(self, sizes, crossing=()):
         super().__init__()
         width, n = sizes["width"], sizes["layers"]
-        self.first_norm, self.last_norm = Norm(width), Norm(width)
+        self.first_norm, self.last_norm = norm_of(sizes), norm_of(sizes)
         self.layers = nn.ModuleList(Layer(sizes, crossing) for _ in range(n))
-        self.joins = nn.ModuleList(Linear(2 * width, width) for _ in range(n // 2))
+        self.joins = nn.ModuleList(Linear(2 * width, width) for _ in range(n // 2 * sizes.get("skips", True)))
 
     def forward(self, x, rows, memories, noise):
-        half, given, x = len(self.joins), [], self.first_norm(x)
+        half, given, x = len(self.layers) // 2, [], self.first_norm(x)
         for i, layer in enumerate(self.layers):
-            if i > half:
+            if i > half and self.joins:
                 x = self.joins[i - half - 1](torch.cat([x, given.pop()], -1))
             x = layer(x, rows, memories, noise)
             if i < half:

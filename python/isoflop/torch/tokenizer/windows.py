@@ -31,11 +31,13 @@ class Pool:
             self.origins = file.get_tensor("origins").view(torch.int64).numpy()
             self.mean, self.std = file.get_tensor("mean").to(device), file.get_tensor("std").to(device)
             self.values = file.get_tensor("values").view(-1, len(self.mean)).to(device)
+            self.long_from = int(file.get_tensor("long_from").view(torch.int64))
         self.frames = np.diff(self.offsets)
 
 
 class Windows:
-    """Random windows of clips: of each clip as many, or, if some are shorter than a window, by their frames."""
+    """Random windows of clips: of each clip as many, or, if some are shorter than a window, by their frames. Where long
+    clips make half of a step's windows, these are the first ones."""
 
     def __init__(self, spec, pool, device):
         self.spec, self.pool, self.device = spec, pool, device
@@ -60,11 +62,14 @@ class Windows:
             n_frames = (self.least + int(each_below(numbers[:1], self.most - self.least + 1)[0])) * self.stride
             numbers = numbers[1:]
         of_clip, of_start = numbers.reshape(self.batch, 2).T
+        pool, n_clips = self.pool, len(self.pool.frames)
+        is_long = (np.arange(self.batch) < self.batch // 2) & (pool.long_from < n_clips)
+        first, end = np.where(is_long, pool.long_from, 0), np.where(is_long, n_clips, pool.long_from)
         if self.spec.by_joints:
-            frames = each_below(of_clip, int(self.pool.offsets[-1]))
-            clips = np.searchsorted(self.pool.offsets[1:], frames, side="right")
+            first, end = pool.offsets[first], pool.offsets[end]
+            clips = np.searchsorted(pool.offsets[1:], first + each_below(of_clip, end - first), side="right")
         else:
-            clips = each_below(of_clip, len(self.pool.frames))
+            clips = first + each_below(of_clip, end - first)
         taken = np.minimum(self.pool.frames[clips], n_frames)
         return clips, each_below(of_start, self.pool.frames[clips] - taken + 1), n_frames
 

@@ -3,13 +3,14 @@
 //! Shapes: n rows of all clips, d width, c channels.
 
 use burn::module::{Module, Param};
+use burn::tensor::activation::gelu;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::packing::EPSILON;
 use crate::learn::params::{constant, normal};
 use crate::ops::{AttentionOptions, Convolution, CrossOptions, Kernels, Taps};
-use crate::spec::{NormPlacement, SWIGLU_RATIO, TransformerSpec};
+use crate::spec::{Ffn, TokenizerNorm, TransformerSpec};
 use crate::tokenizer::halves::Pass;
 
 /// The deviation of a layer's weights at the beginning: LG-Tok's 0.02 at its width of 256, with
@@ -125,36 +126,61 @@ pub struct Seen {
     pub text: Option<Memory>,
 }
 
-/// RMSNorm's gain.
+/// RMSNorm, or LayerNorm, which is RMSNorm of what differs from the row's mean, plus a bias.
 #[derive(Module, Debug)]
 struct Norm {
     /// `[d]`.
     gain: Param<Tensor<1>>,
+    /// `[d]`, LayerNorm's.
+    bias: Option<Param<Tensor<1>>>,
 }
 
 impl Norm {
-    fn new(width: usize, device: &Device) -> Self {
-        Self { gain: constant([width], 1.0, device) }
+    fn new(sizes: &TransformerSpec, device: &Device) -> Self {
+        let filled = |value| constant([sizes.width], value, device);
+        let bias = (sizes.norm == TokenizerNorm::Layer).then(|| filled(0.0));
+        Self { gain: filled(1.0), bias }
     }
 
     fn forward(&self, x_nd: Tensor<2>) -> Tensor<2> {
-        Kernels::for_device(&x_nd.device()).rms_norm(x_nd, self.gain.val(), EPSILON)
+        let kernels = Kernels::for_device(&x_nd.device());
+        let normed = |x_nd| kernels.rms_norm(x_nd, self.gain.val(), EPSILON);
+        match &self.bias {
+            None => normed(x_nd),
+            Some(bias) => normed(x_nd.clone() - x_nd.mean_dim(1)) + bias.val().unsqueeze(),
+        }
     }
 }
 
-/// SwiGLU with biases: (silu(x W_gate + b) ∘ (x W_up + b)) W_down + b.
+/// With biases, SwiGLU, (silu(x W_gate + b) ∘ (x W_up + b)) W_down + b, or gelu(x W_up + b) W_down + b.
 #[derive(Module, Debug)]
 struct FeedForward {
-    /// `[d, 2f]`: gate, up.
+    /// `[d, 2f]`: gate, up; with GELU `[d, f]`.
     up: Linear,
     down: Linear,
+    #[module(skip)]
+    ffn: Ffn,
 }
 
 impl FeedForward {
+    fn new(sizes: &TransformerSpec, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        let &TransformerSpec { width, ffn, .. } = sizes;
+        let (std, f) = (deviation(width), sizes.hidden());
+        let before = if ffn == Ffn::SwiGlu { 2 * f } else { f };
+        Self {
+            up: Linear::new([width, before], std, rng, device),
+            down: Linear::new([f, width], std, rng, device),
+            ffn,
+        }
+    }
+
     fn forward(&self, x_nd: Tensor<2>) -> Tensor<2> {
-        let gate_up = self.up.forward(x_nd);
-        let kernels = Kernels::for_device(&gate_up.device());
-        self.down.forward(kernels.swi_glu(gate_up))
+        let before = self.up.forward(x_nd);
+        let kernels = Kernels::for_device(&before.device());
+        self.down.forward(match self.ffn {
+            Ffn::SwiGlu => kernels.swi_glu(before),
+            Ffn::Gelu => gelu(before),
+        })
     }
 }
 
@@ -165,8 +191,8 @@ struct Cross {
     attention: CrossAttention,
 }
 
-/// Attention of the rows to one another, to the latents, to the text, then SwiGLU; each part with
-/// its RMSNorm, after the sum x + part(x) or before the part.
+/// Attention of the rows to one another, to the latents, to the text, then the feed-forward layer; each part with
+/// its norm, after the sum x + part(x) or before the part.
 #[derive(Module, Debug)]
 struct Layer {
     norm_attention: Norm,
@@ -176,7 +202,7 @@ struct Layer {
     norm_ffn: Norm,
     ffn: FeedForward,
     #[module(skip)]
-    placement: NormPlacement,
+    norm: TokenizerNorm,
     #[module(skip)]
     dropout: f64,
 }
@@ -188,24 +214,21 @@ impl Layer {
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        let &TransformerSpec { width, norm: placement, dropout, .. } = sizes;
-        let (std, f) = (deviation(width), SWIGLU_RATIO * width);
+        let &TransformerSpec { width, norm, dropout, .. } = sizes;
+        let std = deviation(width);
         let mut cross = |is_there: bool| {
             let attention = is_there.then(|| CrossAttention::new(width, std, rng, device));
-            attention.map(|attention| Cross { norm: Norm::new(width, device), attention })
+            attention.map(|attention| Cross { norm: Norm::new(sizes, device), attention })
         };
         let [latents, text] = crosses.map(&mut cross);
         Self {
-            norm_attention: Norm::new(width, device),
+            norm_attention: Norm::new(sizes, device),
             attention: SelfAttention::new(width, std, rng, device),
             latents,
             text,
-            norm_ffn: Norm::new(width, device),
-            ffn: FeedForward {
-                up: Linear::new([width, 2 * f], std, rng, device),
-                down: Linear::new([f, width], std, rng, device),
-            },
-            placement,
+            norm_ffn: Norm::new(sizes, device),
+            ffn: FeedForward::new(sizes, rng, device),
+            norm,
             dropout,
         }
     }
@@ -228,12 +251,12 @@ impl Layer {
         part: impl FnOnce(Tensor<2>) -> Tensor<2>,
         pass: &mut Pass,
     ) -> Tensor<2> {
-        match self.placement {
-            NormPlacement::Post => {
+        match self.norm {
+            TokenizerNorm::Post | TokenizerNorm::Layer => {
                 let added = pass.drop(part(x_nd.clone()), self.dropout);
                 norm.forward(x_nd + added)
             }
-            NormPlacement::Pre => {
+            TokenizerNorm::Pre => {
                 let added = part(norm.forward(x_nd.clone()));
                 x_nd + pass.drop(added, self.dropout)
             }
@@ -241,13 +264,13 @@ impl Layer {
     }
 }
 
-/// The layers of a half between two norms. The outputs of the first layers are skip connections to the last ones:
-/// [x | skip] W + b, in reverse order.
+/// The layers of a half between two norms. With `skips`, the outputs of the first layers are skip connections to the
+/// last ones: [x | skip] W + b, in reverse order.
 #[derive(Module, Debug)]
 pub struct Layers {
     first_norm: Norm,
     layers: Vec<Layer>,
-    /// `[2d, d]`, one for each layer after the middle one.
+    /// `[2d, d]`, one for each layer after the middle one; none without skips.
     joins: Vec<Linear>,
     last_norm: Norm,
 }
@@ -260,28 +283,30 @@ impl Layers {
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        let &TransformerSpec { width, layers, .. } = sizes;
+        let &TransformerSpec { width, layers, skips, .. } = sizes;
+        let n_joins = if skips { layers / 2 } else { 0 };
         let join = |rng: &mut _| Linear::new([2 * width, width], deviation(width), rng, device);
         Self {
-            first_norm: Norm::new(width, device),
+            first_norm: Norm::new(sizes, device),
             layers: (0..layers).map(|_| Layer::new(sizes, crosses, rng, device)).collect(),
-            joins: (0..layers / 2).map(|_| join(rng)).collect(),
-            last_norm: Norm::new(width, device),
+            joins: (0..n_joins).map(|_| join(rng)).collect(),
+            last_norm: Norm::new(sizes, device),
         }
     }
 
     /// `[n, d]` to the same.
     pub fn forward(&self, x_nd: Tensor<2>, seen: &Seen, pass: &mut Pass) -> Tensor<2> {
-        let half = self.joins.len();
+        let half = self.layers.len() / 2;
         let mut x_nd = self.first_norm.forward(x_nd);
         let mut given = Vec::with_capacity(half);
         for (i, layer) in self.layers.iter().enumerate() {
-            if i > half {
+            let join = i.checked_sub(half + 1).and_then(|after| self.joins.get(after));
+            if let Some(join) = join {
                 let earlier = given.pop().expect("as many as there are joins");
-                x_nd = self.joins[i - half - 1].forward(Tensor::cat(vec![x_nd, earlier], 1));
+                x_nd = join.forward(Tensor::cat(vec![x_nd, earlier], 1));
             }
             x_nd = layer.forward(x_nd, seen, pass);
-            if i < half {
+            if i < self.joins.len() {
                 given.push(x_nd.clone());
             }
         }

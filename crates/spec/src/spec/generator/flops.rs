@@ -16,11 +16,21 @@ plain!(Ffn, FlopsRule);
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Ffn {
-    /// silu(x W₁) ⊙ (x W₂) W₃ with d_ff ≈ 8d/3.
+    /// silu(x W₁) ⊙ (x W₂) W₃ with d_ff ≈ 8d/3, in tokenizers 4d.
     #[default]
     SwiGlu,
-    /// gelu(x W₁) W₂ with d_ff = 4d.
+    /// gelu(x W₁) W₂ with d_ff = 4d, in tokenizers 6d.
     Gelu,
+}
+
+impl Ffn {
+    /// Its matrices of weights.
+    pub const fn matrices(self) -> usize {
+        match self {
+            Self::SwiGlu => 3,
+            Self::Gelu => 2,
+        }
+    }
 }
 
 /// Everything that the architecture of one model depends on, but for its vocabulary.
@@ -84,13 +94,9 @@ impl ModelShape {
         }
     }
 
-    /// Weights of one feed-forward layer: three matrices for SwiGLU, two for GELU.
+    /// Weights of one feed-forward layer.
     pub fn ffn_params(&self) -> usize {
-        let matrices = match self.ffn {
-            Ffn::SwiGlu => 3,
-            Ffn::Gelu => 2,
-        };
-        matrices * self.d_model * self.d_ff
+        self.ffn.matrices() * self.d_model * self.d_ff
     }
 }
 

@@ -15,8 +15,8 @@ pub use training::{
     TokenizerTraining,
 };
 pub use transformer::{
-    Detokenizer, LanguagePlace, LanguageSection, LanguageSpec, NormPlacement, Positions,
-    SWIGLU_RATIO, TransformerSpec,
+    Detokenizer, LanguagePlace, LanguageSection, LanguageSpec, Positions, TokenizerNorm,
+    TransformerSpec,
 };
 
 use super::{

@@ -74,7 +74,7 @@ impl TokenizerSection {
                 let (span, latents) = (window, self.latents);
                 let own = TransformerSpec { span, latents, language, ..TransformerSpec::default() };
                 let own = or_default!(self, own, width, layers, heads, frames, latent, dropout);
-                let own = or_default!(self, own, norm, positions, detokenizer);
+                let own = or_default!(self, own, norm, ffn, skips, positions, detokenizer);
                 ArchitectureSpec::Transformer(own)
             }
             TokenizerKind::Patch => {
@@ -151,7 +151,7 @@ impl TokenizerSection {
             either, "belongs to `kind: patch` and `kind: transformer`" => frames, latent;
             patch, "belongs to `kind: patch`" => encoder_blocks, decoder_blocks, patches_per_code;
             transformer, "belongs to `kind: transformer`" => latents, layers, heads, norm,
-                positions, detokenizer, dropout, language;
+                ffn, skips, positions, detokenizer, dropout, language;
         })
     }
 }

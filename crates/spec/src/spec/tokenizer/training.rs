@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::architecture::Codes;
-use super::transformer::{Detokenizer, LanguageSection, NormPlacement, Positions};
-use crate::spec::{QuantizerSection, Representation, SpecError, require, require_all};
+use super::transformer::{Detokenizer, LanguageSection, Positions, TokenizerNorm};
+use crate::spec::{Ffn, QuantizerSection, Representation, SpecError, require, require_all};
 use crate::units::number::plain;
 use crate::units::section;
 
@@ -143,8 +143,12 @@ macro_rules! keys {
                 layers: Option<usize> = None, 1 to 127, unless "Option::is_none";
                 /// Transformers: heads of attention, 4.
                 heads: Option<usize> = None, 1 to 128, unless "Option::is_none";
-                /// Transformers: the position of RMSNorm, `post`.
-                norm: Option<NormPlacement> = None, unless "Option::is_none";
+                /// Transformers: the norm and its place, `post`.
+                norm: Option<TokenizerNorm> = None, unless "Option::is_none";
+                /// Transformers: the feed-forward layer, `swiglu`.
+                ffn: Option<Ffn> = None, unless "Option::is_none";
+                /// Transformers: whether outputs of the layers before the middle one reach those after it: true.
+                skips: Option<bool> = None, unless "Option::is_none";
                 /// Transformers: the encoding of positions, `learned`.
                 positions: Option<Positions> = None, unless "Option::is_none";
                 /// Transformers: how the detokenizer's frames see latents and text, `cross`.

@@ -4,14 +4,14 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::spec::{SpecError, TextSpec, require};
+use crate::spec::{Ffn, SpecError, TextSpec, require};
 use crate::units::number::plain;
-use crate::units::section;
+use crate::units::{is_default, section};
 
-plain!(LanguagePlace, LanguageSection, NormPlacement, Positions, Detokenizer);
+plain!(LanguagePlace, LanguageSection, TokenizerNorm, Positions, Detokenizer);
 
-/// Hidden features of SwiGLU as a multiple of the width.
-pub const SWIGLU_RATIO: usize = 4;
+/// Weights of a feed-forward layer of either kind, as a multiple of the width's square.
+const FFN_WEIGHTS: usize = 12;
 
 /// Features of a frame, and the part that the encoder reads: the root and the joint positions.
 const N_FEATURES: f64 = 263.0;
@@ -42,7 +42,12 @@ pub struct TransformerSpec {
     pub latent: usize,
     /// Frames in one window, as in training. A longer clip is processed in pieces.
     pub span: usize,
-    pub norm: NormPlacement,
+    pub norm: TokenizerNorm,
+    #[serde(skip_serializing_if = "is_default")]
+    pub ffn: Ffn,
+    /// Whether outputs of the layers before the middle one reach those after it.
+    #[serde(skip_serializing_if = "bool::clone")]
+    pub skips: bool,
     pub positions: Positions,
     pub detokenizer: Detokenizer,
     /// Dropout on the output of each part of a layer.
@@ -52,15 +57,17 @@ pub struct TransformerSpec {
     pub language: Option<LanguageSpec>,
 }
 
-/// The position of RMSNorm in a layer.
+/// The norm of a layer, and its place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum NormPlacement {
-    /// After each sum, as LG-Tok's code has it.
+pub enum TokenizerNorm {
+    /// RMSNorm after each sum, as LG-Tok's code has it.
     #[default]
     Post,
-    /// Before each part of a layer, as in LLaMA.
+    /// RMSNorm before each part of a layer, as in LLaMA.
     Pre,
+    /// LayerNorm after each sum, the other one of LG-Tok's Table 4a.
+    Layer,
 }
 
 /// The encoding of positions.
@@ -97,7 +104,9 @@ impl Default for TransformerSpec {
             latents: None,
             latent: 32,
             span: 64,
-            norm: NormPlacement::default(),
+            norm: TokenizerNorm::default(),
+            ffn: Ffn::default(),
+            skips: true,
             positions: Positions::default(),
             detokenizer: Detokenizer::default(),
             dropout: 0.0,
@@ -121,6 +130,11 @@ impl TransformerSpec {
         let many = format!("a window has {span} frames: set it to {span} or less");
         require(few, "latents", &many)?;
         self.language.as_ref().map_or(Ok(()), LanguageSpec::check)
+    }
+
+    /// Hidden features of a feed-forward layer.
+    pub fn hidden(&self) -> usize {
+        FFN_WEIGHTS / self.ffn.matrices() * self.width
     }
 
     /// Latents of the longest piece.
@@ -148,7 +162,7 @@ impl TransformerSpec {
     /// FLOPs that training on a frame counts for.
     pub(super) fn flops_per_frame(&self) -> f64 {
         let (d, layers, s) = (self.width as f64, self.layers as f64, self.span as f64);
-        let layer = (4 + 3 * SWIGLU_RATIO + 1) as f64 * d * d;
+        let layer = (4 + FFN_WEIGHTS + usize::from(self.skips)) as f64 * d * d;
         let attention = |rows: f64| 2.0 * rows * s * d;
         let halves = self.rows_per_frame().map(|rows| rows * layers * (layer + attention(rows)));
         let cross = match self.detokenizer {
