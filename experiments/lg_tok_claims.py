@@ -69,6 +69,7 @@ PARTS = {
     "positions": ["grid.vary={tokenizer.positions: [learned]}", f"tokenizer.language={BOTH}", *TOKENIZERS_ALONE],
     "norms": ["grid.vary={tokenizer.norm: [post, layer]}", f"tokenizer.language={BOTH}", *TOKENIZERS_ALONE],
     "activations": ["grid.vary={tokenizer.ffn: [gelu]}", f"tokenizer.language={BOTH}", *TOKENIZERS_ALONE],
+    "latents": ["grid.vary={tokenizer.latents: [25]}", f"tokenizer.language={BOTH}", *TOKENIZERS_ALONE],
     "skips": ["grid.vary={tokenizer.skips: [false]}", f"tokenizer.language={BOTH}", *TOKENIZERS_ALONE],
     "momask": [
         "grid.vary={}",
@@ -232,6 +233,7 @@ CLAIMS = [
     ("RMSNorm in place of LayerNorm (4a)", "norms post", "norms layer", ["rfid", "mpjpe"]),
     ("SwiGLU in place of GELU (4b)", "language both", "activations gelu", ["rfid", "mpjpe"]),
     ("skips (4c)", "language both", "skips false", ["rfid", "mpjpe"]),
+    ("25 latents whatever the length", "latents 25", "language both", ["rfid", "mpjpe"]),
     ("MoMask on LG-Tok's tokenizer (Table 3)", "momask-lg both", "momask convolutional", ["rfid", "mpjpe", "gfid", "r1"]),
     *((f"FSQ in place of VQ, V = {V} (ScaMo's Table 5)", f"quantizers fsq {V}", f"quantizers vq {V}",
        ["mpjpe", "l1", "codes"]) for V in (240, 1000, 4375, 15360)),

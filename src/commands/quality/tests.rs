@@ -72,6 +72,25 @@ fn a_law_that_hangs_on_one_budget_says_so() {
     assert!(largest / least > 1.5, "{least} to {largest}");
 }
 
+#[test]
+fn what_orders_budgets_may_not_order_the_runs_of_one() {
+    let of = |budget: f64| {
+        (0..5).map(move |i| {
+            row(
+                10f64.powf(budget),
+                16,
+                -10.0 * budget - f64::from(i),
+                9.0 - 2.0 * budget + 0.1 * f64::from(i),
+            )
+        })
+    };
+    let rows: Vec<Quality> = [1.0, 2.0, 3.0].into_iter().flat_map(of).collect();
+    let fid = |ranks: &[Ranks]| ranks[0].fid.expect("five runs").value;
+    let within = loss_ranks(&rows, |row| row.run.planned.budget_flops.to_bits());
+    assert_eq!(fid(&within), -1.0);
+    assert!(fid(&loss_ranks(&rows, |_| 0)) > 0.7);
+}
+
 fn row(budget_flops: f64, n_vocab: usize, loss: f64, fid: f64) -> Quality {
     let generator = Some("masked".to_string());
     let planned = Planned { budget_flops, n_vocab, generator, ..Planned::default() };

@@ -212,7 +212,8 @@ fn long_training_clips_follow_the_others_where_they_are_used() {
     data.clip("000000", 403, 0, "he walks on##0#0\na part##1.0#4.0");
     data.clip("000001", 400, 1, "only a part##1.0#4.0");
     data.clip("000004", 400, 4, "he waits##0#0");
-    data.write("test.txt", "000003\n000004\n");
+    data.clip("000005", 60, 5, "he sits##0#0");
+    data.write("test.txt", "000004\n000005\n");
     let [skip, mix, half] = [LongClips::Skip, LongClips::Mix, LongClips::Half].map(|long_clips| {
         open(&data, &HumanMl3dOptions { long_clips, ..options(true, BrokenFiles::Skip) })
     });
