@@ -116,6 +116,43 @@ fn broken_files_are_skipped_by_name_or_refused_all_at_once() {
 }
 
 #[test]
+fn long_clips_train_the_tokenizer_that_reads_their_caption_and_nothing_else() {
+    let place = data_set();
+    let clips: Vec<Vec<f32>> = (0..5).map(|i| features(&place, &format!("train{i}"))).collect();
+    write_clip(&place, "data", "long", &clips.concat());
+    place.write("data/texts/long.txt", "a zigzag without end#a/X#0.0#0.0\n");
+    let listed = String::from_utf8(place.read("data/train.txt")).unwrap();
+    place.write("data/train.txt", listed + "long\n");
+    let tokenizer = "tokenizer={kind: transformer, width: 8, heads: 2, latent: 4, steps: 5, batch: 4, \
+                     language: {at: [tokenizer, detokenizer], drop: 0.1}}";
+    let run = |long_clips: &str| {
+        let name = format!("name={long_clips}");
+        let long = format!("data.long_clips={long_clips}");
+        let set = ["data.mirror=false", tokenizer, &name, &long].map(|key| ["--set", key]);
+        let ended = place.isoflop(&[&["run", "sweep.yaml"], &set.concat()[..]].concat()).exits(0);
+        let results = format!("results/{long_clips}");
+        let record = records::timeless(&place.path(&results)).into_values().next().unwrap();
+        let own = place.names(&format!("{results}/tokenizers")).remove(0);
+        let metrics = place.read(&format!("{results}/tokenizers/{own}/metrics.json"));
+        let metrics: serde_json::Value = serde_json::from_slice(&metrics).unwrap();
+        (ended, record.measured.unique_tokens, metrics["mpjpe_mm"].as_f64().unwrap())
+    };
+    let [(skipped, tokens, error), (halved, same, other)] = ["skip", "half"].map(run);
+    skipped.says("long has");
+    halved.does_not_say("long has");
+    assert_eq!(tokens, same, "no generator trains on it");
+    assert_ne!(error, other);
+    let procedural = "data={source: procedural, long_clips: mix}";
+    place.isoflop(&["plan", "sweep.yaml", "--set", procedural]).exits(2).says("data.long_clips");
+}
+
+/// The features of a training clip of [`write_set`].
+fn features(place: &Place, id: &str) -> Vec<f32> {
+    let bytes = place.read(&format!("data/new_joint_vecs/{id}.npy"));
+    npyz::NpyFile::new(&bytes[..]).unwrap().into_vec().unwrap()
+}
+
+#[test]
 fn a_union_is_trained_on_whole_and_says_what_it_is_of() {
     let place = data_set();
     fs::rename(place.path("data"), place.path("one")).unwrap();
