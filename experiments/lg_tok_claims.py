@@ -5,7 +5,7 @@
     python3 experiments/lg_tok_claims.py test                        # prints the tables from claims.csv
 
 A part is a sweep of experiments with other keys, in results/lg-tok-claims/PART. Its runs differ in an arm and in the
-seed of the tokenizer, 0 to 4 (`codes` and `quantizers`: 0 to 2). All parts have one evaluator, which the first one
+seed of the tokenizer, 0 to 4 (`codes`: 0 to 2). All parts have one evaluator, which the first one
 trains. The parts `words` and `sentence` want data/minilm-words.safetensors and data/minilm-sentence.safetensors, which
 embed_captions.py makes of all-MiniLM-L6-v2 with `--level word` and `--level sentence`.
 
@@ -83,7 +83,7 @@ PARTS = {
         "tokenizer.window=64",
         *MOMASK,
     ],
-    "quantizers": ["tokenizer.seeds=[0, 1, 2]"],
+    "quantizers": [],
     "words": SCAMO,
     "sentence": [*SCAMO, "text={encoder: file, path: data/minilm-sentence.safetensors, dim: 384, max_tokens: 1}"],
 }
