@@ -11,8 +11,8 @@ use super::panels::{Panels, View};
 use super::{Above, Gradients, Operation};
 use crate::ops::{Convolution, Taps};
 
-/// Rows of a chunk.
-const CHUNK: usize = 128;
+/// Rows of a chunk: whole tiles of any kind.
+const CHUNK: usize = 132;
 
 /// The inputs of each output row in x `[n, c]`: k indices per row.
 struct Reading<'a> {

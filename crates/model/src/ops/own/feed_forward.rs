@@ -14,8 +14,8 @@ use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};
 use crate::ops::Activation;
 
-/// Rows of a chunk.
-const CHUNK: usize = 128;
+/// Rows of a chunk: whole tiles of any kind.
+const CHUNK: usize = 132;
 
 /// The feed-forward half of a block, of x `[n, d]`, γ, W_up `[d, u]` and W_down `[f, d]`, where u is 2 f
 /// or f, as the activation wants; see [`Kernels::feed_forward`](crate::ops::Kernels::feed_forward).

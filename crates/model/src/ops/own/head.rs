@@ -65,8 +65,8 @@ fn scaled(mut gradient: Buffer, by: f32) -> Buffer {
     gradient
 }
 
-/// Rows of a chunk.
-const CHUNK: usize = 256;
+/// Rows of a chunk: whole tiles of any kind.
+const CHUNK: usize = 264;
 
 /// Columns of a block, about.
 const BLOCK: usize = 512;

@@ -11,12 +11,22 @@ pub const LANES: usize = 16;
 /// Rows of a tile of a product, and vectors of [`LANES`] a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tile {
-    /// For 32 registers of sixteen lanes.
-    EightByTwo,
-    /// For 16 registers of eight lanes, or 32 of four: twelve or 24 sums, and what they are made of.
+    /// For 32 registers of sixteen lanes: 24 sums, and what they are made of.
+    SixByFour,
+    /// For 16 registers of eight lanes, or 32 of four: twelve or 24 sums.
     SixByOne,
     /// For fewer.
     FourByOne,
+}
+
+impl Tile {
+    /// Its columns.
+    pub const fn columns(self) -> usize {
+        match self {
+            Tile::SixByFour => 4 * LANES,
+            Tile::SixByOne | Tile::FourByOne => LANES,
+        }
+    }
 }
 
 /// Sixteen `f32`, element by element.

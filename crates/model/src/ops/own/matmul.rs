@@ -4,22 +4,29 @@
 //! piece; the left operand is read where it lies, or from a copy in tiles. A [`Tile`] stays in registers
 //! for up to [`DEPTH`] multiply-adds an element. Every element is summed in the order of the inner
 //! dimension, whatever the tile, so the bits are those of every machine that multiplies and adds in one step.
+//!
+//! What a tile needs next, the following panel and the following tile of the result, is asked for while this tile is
+//! computed.
 
 use std::ops::Range;
 
 use super::buffers::Buffer;
 use super::lanes::{LANES, Lanes, Tile};
-use super::panels::{PANEL, Panels, Part, View};
+use super::panels::{Panels, View};
 use super::vectors::vectorised;
 
-/// Inner elements between two visits of the result: a panel of as many stays in the first cache.
+/// Inner elements between two visits of the result: a panel of as many stays in the caches.
 const DEPTH: usize = 256;
 
 /// Rows that meet a panel before the next panel comes: they stay in the second cache. Whole tiles of any kind.
 const BLOCK: usize = 192;
 
-/// Columns from which on a transposed left operand is copied into tiles where registers are few.
-const COPIED: usize = 256;
+/// Elements of a line of the cache.
+const LINE: usize = 16;
+
+/// Inner elements before the loop over them is tested again. Two threads of one core share what it decodes, so every
+/// instruction counts that is no multiply-add.
+const UNROLLED: usize = 4;
 
 /// The result of a product: a matrix of rows `stride` elements apart.
 pub struct Target<'a> {
@@ -44,45 +51,16 @@ impl<'a> Target<'a> {
         assert!(end <= self.values.len(), "a result of {rows} x {columns} has no room");
     }
 
-    /// The first `rows` rows and `columns` columns of a tile, its first row and column being given; zeros beyond.
+    /// Where element (i, j) lies, if there is one: see [`Target::check`].
     #[inline(always)]
-    fn tile<L: Lanes, const R: usize, const V: usize>(
-        &mut self,
-        (i, j): (usize, usize),
-        (rows, columns): (usize, usize),
-    ) -> [[L; V]; R] {
-        let mut tile = [[L::splat(0.0); V]; R];
-        for (r, tile) in tile.iter_mut().enumerate() {
-            for (v, lanes) in tile.iter_mut().enumerate() {
-                if r < rows && v * LANES < columns {
-                    *lanes = L::read(self.lanes(i + r, j + v * LANES, columns - v * LANES));
-                }
-            }
-        }
-        tile
+    fn place(&mut self, i: usize, j: usize) -> *mut f32 {
+        self.values.as_mut_ptr().wrapping_add(i * self.stride + j)
     }
 
-    /// Writes as much of a tile.
+    /// Up to `columns` elements of row `i` from column `j` on.
     #[inline(always)]
-    fn set_tile<L: Lanes, const R: usize, const V: usize>(
-        &mut self,
-        (i, j): (usize, usize),
-        (rows, columns): (usize, usize),
-        tile: &[[L; V]; R],
-    ) {
-        for (r, tile) in tile.iter().enumerate() {
-            for (v, lanes) in tile.iter().enumerate() {
-                if r < rows && v * LANES < columns {
-                    lanes.write(self.lanes(i + r, j + v * LANES, columns - v * LANES));
-                }
-            }
-        }
-    }
-
-    /// Up to a vector of row `i` from column `j` on, of which `columns` are left.
-    #[inline(always)]
-    fn lanes(&mut self, i: usize, j: usize, columns: usize) -> &mut [f32] {
-        &mut self.values[i * self.stride + j..][..columns.min(LANES)]
+    fn row(&mut self, i: usize, j: usize, columns: usize) -> &mut [f32] {
+        &mut self.values[i * self.stride + j..][..columns]
     }
 }
 
@@ -92,7 +70,7 @@ pub fn multiply(target: Target<'_>, rows: usize, left: View<'_>, right: &Panels,
 }
 
 /// As [`multiply`], by the columns and inner rows of `right` alone that are given; `left` and
-/// `target` start at the first of them, and panels must start with the first column.
+/// `target` start at the first of them, which must be the first of a vector.
 pub fn multiply_part(
     target: Target<'_>,
     rows: usize,
@@ -102,7 +80,8 @@ pub fn multiply_part(
     inner: Range<usize>,
     add: bool,
 ) {
-    assert!(columns.start.is_multiple_of(PANEL), "column {} starts no panel", columns.start);
+    let start = columns.start;
+    assert!(start.is_multiple_of(LANES), "column {start} starts no vector");
     left.check(rows, inner.len());
     target.check(rows, columns.len());
     blocks(target, rows, left, right, columns, inner, add);
@@ -154,51 +133,74 @@ vectorised! {
         let mut target = target;
         let of = (&mut target, rows, left, right);
         match L::TILE {
-            Tile::EightByTwo => tiles::<L, 8, 2>(of, columns, inner, add),
-            Tile::SixByOne => tiles::<L, 6, 1>(of, columns, inner, add),
-            Tile::FourByOne => tiles::<L, 4, 1>(of, columns, inner, add),
+            Tile::SixByFour => tiles::<L, 6, 4, 64>(of, columns, inner, add),
+            Tile::SixByOne => tiles::<L, 6, 1, 16>(of, columns, inner, add),
+            Tile::FourByOne => tiles::<L, 4, 1, 16>(of, columns, inner, add),
         }
     }
 }
 
-/// A product by tiles of `R` rows and `V` vectors.
+/// A product by tiles of `R` rows and `V` vectors, which are `W` columns.
 #[inline(always)]
-fn tiles<L: Lanes, const R: usize, const V: usize>(
+fn tiles<L: Lanes, const R: usize, const V: usize, const W: usize>(
     (target, rows, left, right): (&mut Target<'_>, usize, View<'_>, &Panels),
     columns: Range<usize>,
     inner: Range<usize>,
     add: bool,
 ) {
-    let copies = V == 1 && left.is_transposed() && columns.len() >= COPIED;
-    let mut copy = if copies { Buffer::new(BLOCK * DEPTH) } else { Buffer::default() };
+    // A tile of four vectors reads the left operand a quarter as often.
+    let copies = left.is_transposed() && columns.len() >= if V == 1 { 96 } else { 256 };
+    let mut copy = Buffer::new(if copies { BLOCK * DEPTH } else { R * DEPTH });
+    let mut edge = [[0.0; W]; R];
     for block in (0..rows).step_by(BLOCK) {
         let block = block..rows.min(block + BLOCK);
+        let copied = if copies { block.start } else { block.end - block.len() % R };
         for first in inner.clone().step_by(DEPTH) {
             let depth = first..inner.end.min(first + DEPTH);
             let (add, left) = (add || first > inner.start, left.skip_columns(first - inner.start));
-            if copies {
-                left.copy_tiles::<R>(block.clone(), depth.len(), &mut copy);
+            if copied < block.end {
+                left.copy_tiles::<R>(copied..block.end, depth.len(), &mut copy);
             }
-            for column in columns.clone().step_by(PANEL) {
-                let mut panel = right.part(column, depth.clone());
-                panel.columns = panel.columns.min(columns.end - column);
+            for piece in right.pieces(columns.clone()) {
+                let panel = right.part::<W>(piece.start, depth.clone());
+                let is_last = piece.end == columns.end;
+                let next = if is_last { &[] } else { right.part::<W>(piece.end, depth.clone()) };
+                let mut shares =
+                    next.chunks((next.len() / block.len() * R).next_multiple_of(LINE) + LINE);
                 for row in block.clone().step_by(R) {
-                    let count = R.min(block.end - row);
-                    let at = (row, column - columns.start);
-                    if copies {
-                        let copy = &copy[(row - block.start) * depth.len()..];
-                        tile::<L, R, V>(
-                            target,
-                            at,
-                            count,
-                            View::new(copy, R).transposed(),
+                    for line in shares.next().unwrap_or_default().chunks(LINE) {
+                        prefetch(line.as_ptr());
+                    }
+                    let at = (row, piece.start - columns.start);
+                    let to = (&mut *target, at, (R.min(block.end - row), piece.len()));
+                    // The compiler makes a loop of each, with what it knows of the strides.
+                    if row >= copied {
+                        let first = copy[(row - copied) * depth.len()..].as_ptr();
+                        tile::<L, R, V, W>(
+                            to,
+                            Rows { first, row: 1, inner: R },
                             panel,
+                            &mut edge,
                             add,
                         );
-                    } else if panel.is_narrow() {
-                        tile::<L, R, 1>(target, at, count, left.skip_rows(row), panel, add);
+                    } else if left.is_transposed() {
+                        let (first, inner) = (left.place(row, 0), left.column_stride());
+                        tile::<L, R, V, W>(
+                            to,
+                            Rows { first, row: 1, inner },
+                            panel,
+                            &mut edge,
+                            add,
+                        );
                     } else {
-                        tile::<L, R, V>(target, at, count, left.skip_rows(row), panel, add);
+                        let (first, row) = (left.place(row, 0), left.row_stride());
+                        tile::<L, R, V, W>(
+                            to,
+                            Rows { first, row, inner: 1 },
+                            panel,
+                            &mut edge,
+                            add,
+                        );
                     }
                 }
             }
@@ -206,65 +208,140 @@ fn tiles<L: Lanes, const R: usize, const V: usize>(
     }
 }
 
+/// Asks for the line of the cache that `place` lies in, if there is such a place.
+#[inline(always)]
+fn prefetch(place: *const f32) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: a hint, which reads nothing that the program sees, wherever it points.
+    unsafe {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        _mm_prefetch::<_MM_HINT_T0>(place.cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = place;
+}
+
 // One tile of a product, in registers.
 
-/// The first `count` of `R` rows at `(row, column)`, against `V` vectors of a panel at a time.
+/// The left operand of a tile: element (r, k) lies `r row + k inner` elements after the first.
+#[derive(Clone, Copy)]
+struct Rows {
+    first: *const f32,
+    row: usize,
+    inner: usize,
+}
+
+/// The tile at a place of the result, of at most `R` rows and `V` vectors.
 ///
-/// `left` starts at the first of them and at the first inner element, and has been checked; rows after the last are
-/// computed from the last and thrown away.
+/// `left` has `R` rows, and as many inner elements as `panel`, of `W` columns, has rows. A smaller tile is computed in
+/// `edge` as a whole one.
 #[inline(always)]
-fn tile<L: Lanes, const R: usize, const V: usize>(
-    target: &mut Target<'_>,
-    (row, column): (usize, usize),
-    count: usize,
-    left: View<'_>,
-    panel: Part<'_>,
+fn tile<L: Lanes, const R: usize, const V: usize, const W: usize>(
+    (target, (i, j), (rows, columns)): (&mut Target<'_>, (usize, usize), (usize, usize)),
+    left: Rows,
+    panel: &[f32],
+    edge: &mut [[f32; W]; R],
     add: bool,
 ) {
-    let mut rows = [0; R];
-    for (r, row) in rows.iter_mut().enumerate() {
-        *row = r.min(count - 1);
-    }
-    let mut from = 0;
-    while from < panel.columns {
-        let at = (row, column + from);
-        // Both branches do the same. In the first one the compiler knows the sizes and unrolls the loops.
-        let whole = (R, V * LANES);
-        let size = (count, whole.1.min(panel.columns - from));
-        if size == whole {
-            let sums = if add { target.tile(at, whole) } else { [[L::splat(0.0); V]; R] };
-            let sums = accumulate::<L, R, V>(sums, rows, left, panel, from);
-            target.set_tile(at, whole, &sums);
-        } else {
-            let sums = if add { target.tile(at, size) } else { [[L::splat(0.0); V]; R] };
-            let sums = accumulate::<L, R, V>(sums, rows, left, panel, from);
-            target.set_tile(at, size, &sums);
+    let is_whole = (rows, columns) == (R, V * LANES);
+    let (to, stride) = if is_whole {
+        let (to, stride) = (target.place(i, j), target.stride);
+        for next in (0..R).flat_map(|r| (0..V).map(move |v| (R + r) * stride + v * LANES)) {
+            prefetch(to.wrapping_add(next));
         }
-        from += V * LANES;
+        (to, stride)
+    } else {
+        for (r, row) in edge.iter_mut().take(rows).enumerate() {
+            row[..columns].copy_from_slice(target.row(i + r, j, columns));
+        }
+        (edge.as_flattened_mut().as_mut_ptr(), W)
+    };
+    // SAFETY: `multiply` has checked, and `edge` has room.
+    unsafe {
+        match columns.div_ceil(LANES) {
+            1 if V > 1 => accumulate::<L, R, 1, W>(to, stride, left, panel, add),
+            2 if V > 2 => accumulate::<L, R, 2, W>(to, stride, left, panel, add),
+            3 if V > 3 => accumulate::<L, R, 3, W>(to, stride, left, panel, add),
+            _ => accumulate::<L, R, V, W>(to, stride, left, panel, add),
+        }
+    }
+    if !is_whole {
+        for (r, row) in edge.iter().take(rows).enumerate() {
+            target.row(i + r, j, columns).copy_from_slice(&row[..columns]);
+        }
     }
 }
 
-/// Adds the products of a tile to `sums`, from column `from` of the panel on.
+/// Writes the sums of a whole tile, or adds them, to the rows at `to`, `stride` elements apart.
+///
+/// # Safety
+///
+/// There must be `R` rows of `V` vectors there, as many rows of `left`, as many vectors in a row of `panel`, and an
+/// inner element of `left` for each row of `panel`.
 #[inline(always)]
-fn accumulate<L: Lanes, const R: usize, const V: usize>(
-    mut sums: [[L; V]; R],
-    rows: [usize; R],
-    left: View<'_>,
-    panel: Part<'_>,
-    from: usize,
-) -> [[L; V]; R] {
-    for (k, right) in panel.rows.iter().enumerate() {
-        let mut vectors = [L::splat(0.0); V];
-        for (v, vector) in vectors.iter_mut().enumerate() {
-            *vector = L::read(&right[from + v * LANES..][..LANES]);
-        }
-        for (sums, row) in sums.iter_mut().zip(rows) {
-            // SAFETY: `multiply` has checked all rows and the whole inner dimension.
-            let left = L::splat(unsafe { left.at(row, k) });
-            for (sum, right) in sums.iter_mut().zip(vectors) {
-                *sum = left.mul_add(right, *sum);
+unsafe fn accumulate<L: Lanes, const R: usize, const V: usize, const W: usize>(
+    to: *mut f32,
+    stride: usize,
+    mut left: Rows,
+    panel: &[f32],
+    add: bool,
+) {
+    let mut sums = [[L::splat(0.0); V]; R];
+    if add {
+        for (r, sums) in sums.iter_mut().enumerate() {
+            for (v, sum) in sums.iter_mut().enumerate() {
+                // SAFETY: the caller's promise.
+                *sum = L::load(unsafe { &*to.add(r * stride + v * LANES).cast() });
             }
         }
     }
-    sums
+    let (mut right, depth) = (panel.as_ptr(), panel.len().div_ceil(W));
+    for _ in 0..depth / UNROLLED {
+        for k in 0..UNROLLED {
+            // SAFETY: there are so many inner elements.
+            unsafe {
+                add_products(&mut sums, left.first.add(k * left.inner), left.row, right.add(k * W))
+            };
+        }
+        left.first = left.first.wrapping_add(UNROLLED * left.inner);
+        right = right.wrapping_add(UNROLLED * W);
+    }
+    for k in 0..depth % UNROLLED {
+        // SAFETY: as above.
+        unsafe {
+            add_products(&mut sums, left.first.add(k * left.inner), left.row, right.add(k * W))
+        };
+    }
+    for (r, sums) in sums.iter().enumerate() {
+        for (v, sum) in sums.iter().enumerate() {
+            // SAFETY: the caller's promise.
+            sum.store(unsafe { &mut *to.add(r * stride + v * LANES).cast() });
+        }
+    }
+}
+
+/// Adds the products of one inner element: of `R` numbers from `left` on, `row` elements apart, and the vectors at `right`.
+///
+/// # Safety
+///
+/// There must be so many numbers, and `V` vectors.
+#[inline(always)]
+unsafe fn add_products<L: Lanes, const R: usize, const V: usize>(
+    sums: &mut [[L; V]; R],
+    left: *const f32,
+    row: usize,
+    right: *const f32,
+) {
+    let mut vectors = [L::splat(0.0); V];
+    for (v, vector) in vectors.iter_mut().enumerate() {
+        // SAFETY: the caller's promise.
+        *vector = L::load(unsafe { &*right.add(v * LANES).cast() });
+    }
+    for (r, sums) in sums.iter_mut().enumerate() {
+        // SAFETY: the caller's promise.
+        let left = L::splat(unsafe { *left.add(r * row) });
+        for (sum, right) in sums.iter_mut().zip(vectors) {
+            *sum = left.mul_add(right, *sum);
+        }
+    }
 }

@@ -3,11 +3,8 @@
 use std::ops::Range;
 
 use super::buffers::Buffer;
-use super::lanes::LANES;
+use super::lanes::{LANES, Lanes};
 use super::vectors::vectorised;
-
-/// Columns of a panel.
-pub const PANEL: usize = 2 * LANES;
 
 /// A matrix in memory: element (i, j) lies at `i row_stride + j column_stride`.
 #[derive(Clone, Copy)]
@@ -37,15 +34,23 @@ impl<'a> View<'a> {
     }
 
     /// Writes `rows` rows of `depth` elements as tiles of `R` rows, column after column; the last tile is filled up
-    /// with its last row. The matrix must have as many: see [`View::check`].
+    /// with its last row.
     #[inline(always)]
     pub fn copy_tiles<const R: usize>(self, rows: Range<usize>, depth: usize, tiles: &mut [f32]) {
-        for (first, tile) in rows.clone().step_by(R).zip(tiles.chunks_mut(R * depth)) {
-            for (k, column) in tile.as_chunks_mut::<R>().0.iter_mut().enumerate() {
-                for (r, to) in column.iter_mut().enumerate() {
-                    // SAFETY: the caller has checked.
-                    *to = unsafe { self.at((first + r).min(rows.end - 1), k) };
-                }
+        let whole = if self.row_stride == 1 { rows.len() / R } else { 0 };
+        for k in 0..depth {
+            let column = &self.values[rows.start * self.row_stride + k * self.column_stride..];
+            let from = column.as_chunks::<R>().0.iter().take(whole);
+            for (from, tile) in from.zip(tiles.chunks_exact_mut(R * depth)) {
+                tile[k * R..][..R].copy_from_slice(from);
+            }
+        }
+        let rest = (rows.start + whole * R..rows.end).step_by(R);
+        for (first, tile) in rest.zip(tiles.chunks_exact_mut(R * depth).skip(whole)) {
+            for r in 0..R {
+                let row = self.skip_rows((first + r).min(rows.end - 1)).values;
+                let from = row.iter().step_by(self.column_stride);
+                tile.iter_mut().skip(r).step_by(R).zip(from).for_each(|(to, from)| *to = *from);
             }
         }
     }
@@ -69,25 +74,34 @@ impl<'a> View<'a> {
         assert!(last < self.values.len(), "a matrix of {rows} x {columns} ends beyond its memory");
     }
 
-    /// Element (i, j).
-    ///
-    /// # Safety
-    ///
-    /// The matrix must have a row i and a column j: see [`View::check`].
+    /// Where element (i, j) lies, if there is one: see [`View::check`].
     #[inline(always)]
-    pub unsafe fn at(&self, i: usize, j: usize) -> f32 {
-        // SAFETY: the caller's promise.
-        unsafe { *self.values.get_unchecked(i * self.row_stride + j * self.column_stride) }
+    pub fn place(&self, i: usize, j: usize) -> *const f32 {
+        self.values.as_ptr().wrapping_add(i * self.row_stride + j * self.column_stride)
+    }
+
+    /// Elements from row to row.
+    #[inline(always)]
+    pub fn row_stride(&self) -> usize {
+        self.row_stride
+    }
+
+    /// Elements from column to column.
+    #[inline(always)]
+    pub fn column_stride(&self) -> usize {
+        self.column_stride
     }
 }
 
-/// The right operand of a product: panels of [`PANEL`] columns, row after row, the last panel
-/// filled up with zeros.
+/// The right operand of a product: panels of as many columns as a tile of this machine has, row after row, the last
+/// panel filled up with zeros.
 #[derive(Default)]
 pub struct Panels {
     values: Buffer,
     inner: usize,
     columns: usize,
+    /// Columns of a panel.
+    width: usize,
 }
 
 impl Panels {
@@ -101,16 +115,12 @@ impl Panels {
     /// As [`Panels::of`], in the same memory.
     pub fn pack(&mut self, matrix: View<'_>, inner: usize, columns: usize) {
         matrix.check(inner, columns);
-        (self.inner, self.columns) = (inner, columns);
-        let needed = inner * columns.next_multiple_of(PANEL);
+        (self.inner, self.columns, self.width) = (inner, columns, width());
+        let needed = inner * columns.next_multiple_of(self.width);
         if self.values.len() < needed {
             self.values = Buffer::new(needed);
         }
-        let panels = self.values[..needed].chunks_exact_mut(inner * PANEL);
-        for (panel, column) in panels.zip((0..columns).step_by(PANEL)) {
-            let columns = PANEL.min(columns - column);
-            fill(panel.as_chunks_mut().0, matrix.skip_columns(column), columns);
-        }
+        fill(&mut self.values[..needed], matrix, inner, columns);
     }
 
     /// Rows of the matrix, the inner dimension of the product.
@@ -125,61 +135,77 @@ impl Panels {
         self.columns
     }
 
-    /// The panel that starts at `column`, of the rows `rows`.
+    /// The columns `columns` cut where panels start.
     #[inline(always)]
-    pub fn part(&self, column: usize, rows: Range<usize>) -> Part<'_> {
-        let start = self.inner * column;
-        let rows = &self.values[start + rows.start * PANEL..start + rows.end * PANEL];
-        Part { rows: rows.as_chunks().0, columns: PANEL.min(self.columns - column) }
+    pub fn pieces(&self, columns: Range<usize>) -> impl Iterator<Item = Range<usize>> + use<> {
+        let (start, end, width) = (columns.start, columns.end, self.width);
+        let starts = (start / width * width..end).step_by(width);
+        starts.map(move |first| first.max(start)..end.min(first + width))
     }
-}
 
-/// Rows of one panel.
-#[derive(Clone, Copy)]
-pub struct Part<'a> {
-    pub rows: &'a [[f32; PANEL]],
-    /// Columns of the matrix.
-    pub columns: usize,
-}
-
-impl Part<'_> {
-    /// Whether one vector is enough for the columns without padding.
+    /// The rows `rows` of the panel that `column` lies in, from this column on; from row to row are `W` elements, as
+    /// many as the columns of a panel.
     #[inline(always)]
-    pub fn is_narrow(self) -> bool {
-        self.columns <= LANES
-    }
-}
-
-/// Writes one panel.
-fn fill(panel: &mut [[f32; PANEL]], matrix: View<'_>, columns: usize) {
-    if matrix.column_stride == 1 {
-        fill_rows(panel, matrix.values, matrix.row_stride, columns);
-    } else {
-        fill_strided(panel, matrix, columns);
+    pub fn part<const W: usize>(&self, column: usize, rows: Range<usize>) -> &[f32] {
+        assert_eq!(self.width, W, "panels are filled and read with one kind of vectors");
+        let start = self.inner * (column / W * W);
+        &self.values[start + rows.start * W + column % W..start + rows.end * W]
     }
 }
 
 vectorised! {
-    /// As [`fill`], from rows that lie in one piece each. A single row may have any stride.
-    fn fill_rows(panel: &mut [[f32; PANEL]], values: &[f32], stride: usize, columns: usize) {
-        for (row, source) in panel.iter_mut().zip(values.chunks(stride.max(columns))) {
-            let (low, high) = row.split_at_mut(LANES);
-            let (source, rest) = source[..columns].split_at(columns.min(LANES));
-            L::read(source).write(low);
-            L::read(rest).write(high);
+    /// Columns of a panel.
+    fn width() -> usize {
+        L::TILE.columns()
+    }
+}
+
+vectorised! {
+    /// Writes all panels.
+    fn fill(panels: &mut [f32], matrix: View<'_>, inner: usize, columns: usize) {
+        let width = L::TILE.columns();
+        for (panel, first) in panels.chunks_exact_mut(inner * width).zip((0..columns).step_by(width)) {
+            let (count, matrix) = (width.min(columns - first), matrix.skip_columns(first));
+            if matrix.column_stride == 1 {
+                fill_rows::<L>(panel, width, matrix, count);
+            } else {
+                fill_columns::<L>(panel, width, matrix, count);
+            }
         }
     }
 }
 
-/// As [`fill`], from columns that lie in one piece; eight at a time, so that lines of the cache
-/// are read once and written once.
-fn fill_strided(panel: &mut [[f32; PANEL]], matrix: View<'_>, columns: usize) {
-    panel.iter_mut().for_each(|row| row[columns..].fill(0.0));
-    for (first, block) in panel.chunks_mut(LANES).enumerate() {
-        for j in 0..columns {
-            let column = &matrix.values[j * matrix.column_stride..];
-            for (i, row) in block.iter_mut().enumerate() {
-                row[j] = column[(first * LANES + i) * matrix.row_stride];
+/// Writes one panel from rows that lie in one piece each. A single row may have any stride.
+#[inline(always)]
+fn fill_rows<L: Lanes>(panel: &mut [f32], width: usize, matrix: View<'_>, columns: usize) {
+    let sources = matrix.values.chunks(matrix.row_stride.max(columns));
+    for (row, source) in panel.chunks_exact_mut(width).zip(sources) {
+        let (whole, rest) = source[..columns].as_chunks::<LANES>();
+        let mut to = row.as_chunks_mut::<LANES>().0.iter_mut();
+        for (to, from) in to.by_ref().zip(whole) {
+            L::load(from).store(to);
+        }
+        let mut rest = L::read(rest);
+        for to in to {
+            rest.store(to);
+            rest = L::splat(0.0);
+        }
+    }
+}
+
+/// The same from columns that lie in one piece each, a square block at a time.
+#[inline(always)]
+fn fill_columns<L: Lanes>(panel: &mut [f32], width: usize, matrix: View<'_>, columns: usize) {
+    for (i, rows) in panel.chunks_mut(LANES * width).enumerate() {
+        let n = rows.len() / width;
+        for j in (0..width).step_by(LANES) {
+            let mut block = [L::splat(0.0); LANES];
+            for (column, of) in block.iter_mut().zip(j..columns) {
+                let start = of * matrix.column_stride + i * LANES * matrix.row_stride;
+                *column = L::read(&matrix.values[start..][..n]);
+            }
+            for (row, values) in rows.chunks_exact_mut(width).zip(L::transpose(block)) {
+                values.write(&mut row[j..j + LANES]);
             }
         }
     }

@@ -178,12 +178,12 @@ pub fn block<L: Lanes, const TRANSPOSED: bool>(
     left.check(ROWS, inner.end);
     right.check(inner.end, columns);
     let mut column = 0;
-    while L::TILE == Tile::EightByTwo && column + LANES < columns {
+    while L::TILE == Tile::SixByFour && column + LANES < columns {
         tile::<L, ROWS, 2, _>(out, (row, column), left, right, inner.clone());
         column += 2 * LANES;
     }
     while column < columns {
-        if L::TILE == Tile::EightByTwo {
+        if L::TILE == Tile::SixByFour {
             tile::<L, ROWS, 1, _>(out, (row, column), left, right, inner.clone());
         } else {
             let rest = left.skip_rows(HALF);

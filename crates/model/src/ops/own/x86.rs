@@ -137,6 +137,17 @@ fn mask(n: usize) -> __mmask16 {
     ((1u32 << n.min(LANES)) - 1) as __mmask16
 }
 
+/// Ones for as many lanes as a vector has, then zeros.
+static FIRST_LANES: [i32; 2 * LANES] = {
+    let mut masks = [0; 2 * LANES];
+    let mut lane = 0;
+    while lane < LANES {
+        masks[lane] = -1;
+        lane += 1;
+    }
+    masks
+};
+
 /// Methods that are sound once the processor has their instructions.
 macro_rules! on_this_processor {
     ($(fn $method:ident($($argument:tt)*) $(-> $result:ty)? $body:block)*) => {$(
@@ -150,7 +161,7 @@ macro_rules! on_this_processor {
 }
 
 impl Lanes for Wide {
-    const TILE: Tile = Tile::EightByTwo;
+    const TILE: Tile = Tile::SixByFour;
 
     binary!(Wide add _mm512_add_ps, sub _mm512_sub_ps, mul _mm512_mul_ps, div _mm512_div_ps);
     binary!(Wide max _mm512_max_ps, min _mm512_min_ps);
@@ -219,6 +230,18 @@ impl Lanes for Pair {
             let (low, high) = out.split_at_mut(8);
             _mm256_storeu_ps(low.as_mut_ptr(), self.0);
             _mm256_storeu_ps(high.as_mut_ptr(), self.1);
+        }
+
+        fn read(x: &[f32]) -> Self {
+            if let Ok(whole) = x.try_into() {
+                return Self::load(whole);
+            }
+            // Ones for the lanes that are there: a part of a row of ones and zeros.
+            let masks = FIRST_LANES[LANES - x.len().min(LANES)..].as_ptr();
+            let low = _mm256_loadu_si256(masks.cast());
+            let high = _mm256_loadu_si256(masks.add(8).cast());
+            let rest = x.as_ptr().wrapping_add(8);
+            Pair(_mm256_maskload_ps(x.as_ptr(), low), _mm256_maskload_ps(rest, high))
         }
 
         fn sqrt(self) -> Self { Pair(_mm256_sqrt_ps(self.0), _mm256_sqrt_ps(self.1)) }

@@ -240,9 +240,9 @@ fn small_cases() -> Vec<Case> {
     ]
 }
 
-/// The shapes of training.
+/// The shapes of training, and products of every shape.
 fn large_cases() -> Vec<Case> {
-    vec![
+    let mut cases = vec![
         feed_forward(300, 64, 168, Activation::SwiGlu),
         feed_forward(37, 100, 290, Activation::Gelu),
         feed_forward(130, 260, 40, Activation::SwiGlu),
@@ -268,7 +268,18 @@ fn large_cases() -> Vec<Case> {
         every_prefix_of_every_length(34),
         block_attention(&[(12, &[3, 6, 10, 15, 20, 25, 30, 36, 42, 49]), (5, &[1, 2, 30])], 2, 32),
         block_attention(&[(0, &[7, 9, 15, 16, 17, 33]), (31, &[1; 20])], 1, 4),
-    ]
+    ];
+    cases.extend(products());
+    cases
+}
+
+/// Products whose rows, inner elements and columns end everywhere within the tiles of every machine.
+fn products() -> impl Iterator<Item = Case> {
+    let sizes = [(1, 1), (5, 4), (6, 259), (7, 3), (200, 5)];
+    let columns = [1, 15, 16, 17, 32, 33, 48, 49, 64, 65, 95, 96, 128, 255, 256, 257, 300];
+    columns.into_iter().flat_map(move |columns| {
+        sizes.map(|(rows, inner)| convolve(Taps::Point, false, [1, rows], [inner, columns]))
+    })
 }
 
 /// Sequences of all lengths up to `longest`, the longest first, with all prefixes.

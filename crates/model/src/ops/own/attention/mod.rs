@@ -136,7 +136,7 @@ impl Operation<1> for AttentionOptions {
 // cache.
 
 /// Rows of a chunk, but for a longer sequence.
-const CHUNK: usize = 128;
+const CHUNK: usize = 192;
 
 /// The data of the backward pass, besides the input.
 #[derive(Clone, Debug)]
