@@ -110,17 +110,15 @@ fn plot([along, up]: [&Quantity; 2], rows: &[Quality]) -> Result<Plot, String> {
     let truth: Vec<f64> = rows.iter().filter_map(up.of_truth).collect();
     let x = Axis::new(along.label, along.scale, values(along))?;
     let y = Axis::new(up.label, up.scale, values(up).into_iter().chain(truth.iter().copied()))?;
-    let mut budgets: BTreeMap<u64, Vec<Point>> = BTreeMap::new();
-    for (row, point) in rows.iter().filter_map(|row| Some((row, point(along, up, row)?))) {
-        budgets.entry(row.run.planned.budget_flops.to_bits()).or_default().push(point);
-    }
-    let budgets: Vec<_> = budgets.into_values().collect();
-    let (groups, where_) = match along.label == COMPUTE {
-        true => (vec![budgets.concat()], ""),
-        false => (budgets, " within budgets"),
-    };
+    // Compute differs between budgets alone.
+    let is_within = along.label != BUDGET.label;
+    let pairs = rows.iter().filter_map(|row| {
+        let budget = row.run.planned.budget_flops.to_bits();
+        Some((if is_within { budget } else { 0 }, point(along, up, row)?))
+    });
+    let where_ = if is_within { " within budgets" } else { "" };
     let is_one = rows.iter().all(|row| row.generator() == rows[0].generator());
-    let title = rank_correlation(&groups).ok().filter(|_| is_one).map(|rank| {
+    let title = rank_correlation(pairs).ok().filter(|_| is_one).map(|rank| {
         let ([low, high], value) = (rank.interval, rank.value);
         format!("rank correlation{where_} {value:.2} (95 %: {low:.2} to {high:.2})")
     });

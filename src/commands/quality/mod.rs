@@ -64,10 +64,9 @@ struct Ranks {
 }
 
 impl Ranks {
-    /// From the pairs of values of each run, in groups, by the name of a score.
-    fn new(of: &str, groups: impl Fn(&str) -> Vec<Vec<(f64, f64)>>) -> Self {
-        let [fid, first] =
-            ["fid", "r_precision_1"].map(|name| rank_correlation(&groups(name)).ok());
+    /// From the pairs of values of each run after the key of its group, by the name of a score.
+    fn new(of: &str, pairs: impl Fn(&str) -> Vec<(u64, (f64, f64))>) -> Self {
+        let [fid, first] = ["fid", "r_precision_1"].map(|name| rank_correlation(pairs(name)).ok());
         Self { of: of.to_string(), fid, first }
     }
 }
@@ -78,16 +77,10 @@ fn loss_ranks(rows: &[Quality], group: impl Fn(&Quality) -> u64) -> Vec<Ranks> {
     let mut by_generator: BTreeMap<&str, Vec<&Quality>> = BTreeMap::new();
     rows.iter().for_each(|row| by_generator.entry(row.generator()).or_default().push(row));
     let ranks = |(generator, own): (&str, Vec<&Quality>)| {
-        let pair =
-            |row: &Quality, name: &str| Some((row.run.loss_normalised().ok()?, row.mean(name)?));
-        let groups = |name: &str| {
-            let mut groups: BTreeMap<u64, Vec<(f64, f64)>> = BTreeMap::new();
-            for (row, pair) in own.iter().filter_map(|row| Some((row, pair(row, name)?))) {
-                groups.entry(group(row)).or_default().push(pair);
-            }
-            groups.into_values().collect()
+        let pair = |row: &Quality, name: &str| {
+            Some((group(row), (row.run.loss_normalised().ok()?, row.mean(name)?)))
         };
-        Ranks::new(generator, groups)
+        Ranks::new(generator, |name| own.iter().filter_map(|row| pair(row, name)).collect())
     };
     by_generator.into_iter().map(ranks).collect()
 }
@@ -97,9 +90,10 @@ fn agreements(own: &[Quality], by_others: &[Vec<Quality>]) -> Vec<Ranks> {
     let with = |others: &Vec<Quality>| {
         let id = |row: &Quality| row.run.planned.run_id.clone();
         let by_run: HashMap<String, &Quality> = others.iter().map(|row| (id(row), row)).collect();
-        let pair =
-            |row: &Quality, name: &str| Some((row.mean(name)?, by_run.get(&id(row))?.mean(name)?));
-        let pairs = |name: &str| vec![own.iter().filter_map(|row| pair(row, name)).collect()];
+        let pair = |row: &Quality, name: &str| {
+            Some((0, (row.mean(name)?, by_run.get(&id(row))?.mean(name)?)))
+        };
+        let pairs = |name: &str| own.iter().filter_map(|row| pair(row, name)).collect();
         let ranks = Ranks::new(&others.first()?.evaluator_id, pairs);
         (ranks.fid.is_some() && ranks.first.is_some()).then_some(ranks)
     };

@@ -1,6 +1,8 @@
 //! [`Repeated`]: a score that was taken several times; [`rank_correlation`]: whether two quantities of the same things
 //! rise together.
 
+use std::collections::BTreeMap;
+
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
@@ -62,12 +64,17 @@ pub struct RankCorrelation {
     pub n: usize,
 }
 
-/// That of pairs in groups, which are ranked apart: what differs between groups has no part in it. Things that are
-/// alike share the mean of their ranks.
+/// That of pairs, each after the key of its group. Groups are ranked apart: what differs between them has no part in
+/// it. Things that are alike share the mean of their ranks.
 ///
 /// # Errors
 /// [`ScoreError::TooFew`] below five pairs in groups of two or more.
-pub fn rank_correlation(groups: &[Vec<(f64, f64)>]) -> Result<RankCorrelation, ScoreError> {
+pub fn rank_correlation<K: Ord>(
+    pairs: impl IntoIterator<Item = (K, (f64, f64))>,
+) -> Result<RankCorrelation, ScoreError> {
+    let mut groups: BTreeMap<K, Vec<(f64, f64)>> = BTreeMap::new();
+    pairs.into_iter().for_each(|(key, pair)| groups.entry(key).or_default().push(pair));
+    let groups: Vec<_> = groups.into_values().collect();
     let n = groups.iter().map(Vec::len).filter(|n| *n > 1).sum();
     ScoreError::unless_enough("a rank correlation", "runs", LEAST, n)?;
     let mut rng = ChaCha8Rng::seed_from_u64(0);
@@ -78,7 +85,7 @@ pub fn rank_correlation(groups: &[Vec<(f64, f64)>]) -> Result<RankCorrelation, S
     let mut drawn: Vec<f64> = (0..DRAWS).map(draw).collect();
     drawn.sort_by(f64::total_cmp);
     let end = |share: f64| drawn[(share * (DRAWS - 1) as f64).round() as usize];
-    Ok(RankCorrelation { value: spearman(groups), interval: [end(0.025), end(0.975)], n })
+    Ok(RankCorrelation { value: spearman(&groups), interval: [end(0.025), end(0.975)], n })
 }
 
 /// The correlation of ranks less their group's mean; 0 if all of a side are alike.
@@ -140,8 +147,8 @@ mod tests {
     #[test]
     fn what_rises_together_has_one_and_what_falls_has_minus_one() {
         let of = |power: i32| {
-            let pairs: Vec<_> = (1..9).map(|i| (f64::from(i), f64::from(i).powi(power))).collect();
-            rank_correlation(&[pairs]).unwrap()
+            let pair = |i| ((), (f64::from(i), f64::from(i).powi(power)));
+            rank_correlation((1..9).map(pair)).unwrap()
         };
         assert_eq!(of(3), RankCorrelation { value: 1.0, interval: [1.0, 1.0], n: 8 });
         assert_eq!(of(-2).value, -1.0);
@@ -150,24 +157,25 @@ mod tests {
     /// SciPy's spearmanr of the same numbers.
     #[test]
     fn things_that_are_alike_share_ranks() {
-        let pairs = vec![(1.0, 2.0), (2.0, 2.0), (2.0, 5.0), (4.0, 3.0), (5.0, 9.0), (6.0, 7.0)];
-        let found = rank_correlation(std::slice::from_ref(&pairs)).unwrap();
+        let pairs = [(1.0, 2.0), (2.0, 2.0), (2.0, 5.0), (4.0, 3.0), (5.0, 9.0), (6.0, 7.0)]
+            .map(|pair| ((), pair));
+        let found = rank_correlation(pairs).unwrap();
         assert!((found.value - 0.808_823_529_411_764_7).abs() < 1e-12, "{}", found.value);
         assert!(found.interval[0] < found.value && found.value < found.interval[1]);
-        assert!(rank_correlation(&[pairs[..4].to_vec()]).is_err());
+        assert!(rank_correlation(pairs.into_iter().take(4)).is_err());
     }
 
     #[test]
     fn what_differs_between_groups_has_no_part() {
         // Groups rise together, and within each one things fall.
-        let group = |of: i32| -> Vec<(f64, f64)> {
-            (0..5).map(|i| (f64::from(10 * of + i), f64::from(10 * of - i))).collect()
-        };
-        let groups: Vec<_> = (0..4).map(group).collect();
-        assert!(rank_correlation(&[groups.concat()]).unwrap().value > 0.5);
-        let within = rank_correlation(&groups).unwrap();
+        let of =
+            |group: i32| move |i| (group, (f64::from(10 * group + i), f64::from(10 * group - i)));
+        let pairs = || (0..4).flat_map(|group| (0..5).map(of(group)));
+        let across = rank_correlation(pairs().map(|(_, pair)| ((), pair))).unwrap();
+        assert!(across.value > 0.5);
+        let within = rank_correlation(pairs()).unwrap();
         assert_eq!(within, RankCorrelation { value: -1.0, interval: [-1.0, -1.0], n: 20 });
-        let lone: Vec<_> = groups.concat().into_iter().map(|pair| vec![pair]).collect();
-        assert!(rank_correlation(&lone).is_err(), "a group of one has no order");
+        let lone = rank_correlation(pairs().enumerate().map(|(key, (_, pair))| (key, pair)));
+        assert!(lone.is_err(), "a group of one has no order");
     }
 }
