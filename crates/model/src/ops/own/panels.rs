@@ -182,7 +182,8 @@ fn fill_rows<L: Lanes>(panel: &mut [f32], width: usize, matrix: View<'_>, column
     for (row, source) in panel.chunks_exact_mut(width).zip(sources) {
         let (whole, rest) = source[..columns].as_chunks::<LANES>();
         let mut to = row.as_chunks_mut::<LANES>().0.iter_mut();
-        for (to, from) in to.by_ref().zip(whole) {
+        // In this order, since `zip` takes one more of its first.
+        for (from, to) in whole.iter().zip(to.by_ref()) {
             L::load(from).store(to);
         }
         let mut rest = L::read(rest);
