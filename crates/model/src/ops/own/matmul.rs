@@ -300,8 +300,8 @@ unsafe fn accumulate<L: Lanes, const R: usize, const V: usize, const W: usize>(
         for k in 0..UNROLLED {
             // SAFETY: there are so many inner elements.
             unsafe {
-                add_products(&mut sums, left.first.add(k * left.inner), left.row, right.add(k * W))
-            };
+                add_products(&mut sums, left.first.add(k * left.inner), left.row, right.add(k * W));
+            }
         }
         left.first = left.first.wrapping_add(UNROLLED * left.inner);
         right = right.wrapping_add(UNROLLED * W);
@@ -309,8 +309,8 @@ unsafe fn accumulate<L: Lanes, const R: usize, const V: usize, const W: usize>(
     for k in 0..depth % UNROLLED {
         // SAFETY: as above.
         unsafe {
-            add_products(&mut sums, left.first.add(k * left.inner), left.row, right.add(k * W))
-        };
+            add_products(&mut sums, left.first.add(k * left.inner), left.row, right.add(k * W));
+        }
     }
     for (r, sums) in sums.iter().enumerate() {
         for (v, sum) in sums.iter().enumerate() {
