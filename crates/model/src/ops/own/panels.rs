@@ -67,7 +67,7 @@ impl<'a> View<'a> {
         Self { values: &self.values[j * self.column_stride..], ..self }
     }
 
-    /// Sees that the matrix has so many rows and columns, which [`View::at`] relies on.
+    /// Sees that the matrix has so many rows and columns, which [`View::place`] relies on.
     #[inline(always)]
     pub fn check(&self, rows: usize, columns: usize) {
         let last = (rows.max(1) - 1) * self.row_stride + (columns.max(1) - 1) * self.column_stride;
