@@ -5,8 +5,7 @@
 //! for up to [`DEPTH`] multiply-adds an element. Every element is summed in the order of the inner
 //! dimension, whatever the tile, so the bits are those of every machine that multiplies and adds in one step.
 //!
-//! What a tile needs next, the following panel and the following tile of the result, is asked for while this tile is
-//! computed.
+//! While a tile is computed, the next panel and the next tile of the result are prefetched.
 
 use std::ops::Range;
 
@@ -24,8 +23,8 @@ const BLOCK: usize = 192;
 /// Elements of a line of the cache.
 const LINE: usize = 16;
 
-/// Inner elements before the loop over them is tested again. Two threads of one core share what it decodes, so every
-/// instruction counts that is no multiply-add.
+/// Inner elements of one pass of the unrolled loop. Two threads of a core share its decoder, so instructions other than
+/// multiply-adds cost speed.
 const UNROLLED: usize = 4;
 
 /// The result of a product: a matrix of rows `stride` elements apart.
@@ -57,7 +56,7 @@ impl<'a> Target<'a> {
         self.values.as_mut_ptr().wrapping_add(i * self.stride + j)
     }
 
-    /// Up to `columns` elements of row `i` from column `j` on.
+    /// `columns` elements of row `i`, from column `j` on.
     #[inline(always)]
     fn row(&mut self, i: usize, j: usize, columns: usize) -> &mut [f32] {
         &mut self.values[i * self.stride + j..][..columns]
@@ -163,6 +162,7 @@ fn tiles<L: Lanes, const R: usize, const V: usize, const W: usize>(
             }
             for piece in right.pieces(columns.clone()) {
                 let panel = right.part::<W>(piece.start, depth.clone());
+                // Each tile prefetches a part of the next panel.
                 let is_last = piece.end == columns.end;
                 let next = if is_last { &[] } else { right.part::<W>(piece.end, depth.clone()) };
                 let mut shares =
