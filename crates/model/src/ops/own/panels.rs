@@ -202,7 +202,7 @@ fn fill_columns<L: Lanes>(panel: &mut [f32], width: usize, matrix: View<'_>, col
         for j in (0..width).step_by(LANES) {
             let mut block = [L::splat(0.0); LANES];
             for (column, of) in block.iter_mut().zip(j..columns) {
-                let start = of * matrix.column_stride + i * LANES * matrix.row_stride;
+                let start = of * matrix.column_stride + i * LANES;
                 *column = L::read(&matrix.values[start..][..n]);
             }
             for (row, values) in rows.chunks_exact_mut(width).zip(L::transpose(block)) {

@@ -138,15 +138,7 @@ fn mask(n: usize) -> __mmask16 {
 }
 
 /// Ones for as many lanes as a vector has, then zeros.
-static FIRST_LANES: [i32; 2 * LANES] = {
-    let mut masks = [0; 2 * LANES];
-    let mut lane = 0;
-    while lane < LANES {
-        masks[lane] = -1;
-        lane += 1;
-    }
-    masks
-};
+static FIRST_LANES: [[i32; LANES]; 2] = [[-1; LANES], [0; LANES]];
 
 /// Methods that are sound once the processor has their instructions.
 macro_rules! on_this_processor {
@@ -237,7 +229,7 @@ impl Lanes for Pair {
                 return Self::load(whole);
             }
             // Ones for the lanes that are there: a part of a row of ones and zeros.
-            let masks = FIRST_LANES[LANES - x.len().min(LANES)..].as_ptr();
+            let masks = FIRST_LANES.as_flattened()[LANES - x.len().min(LANES)..].as_ptr();
             let low = _mm256_loadu_si256(masks.cast());
             let high = _mm256_loadu_si256(masks.add(8).cast());
             let rest = x.as_ptr().wrapping_add(8);
