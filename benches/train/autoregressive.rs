@@ -33,8 +33,9 @@ const fn case(name: &'static str, numbers: [usize; 7]) -> Autoregressive {
     Autoregressive { name, n_layer, n_head, d_model, n_vocab, n_text, n_codes, clips }
 }
 
-pub const CASES: [Autoregressive; 7] = [
+pub const CASES: [Autoregressive; 8] = [
     case("quickstart-d16-V240", [2, 1, 16, 240, 16, 36, 7]),
+    case("quickstart-d24-V1000", [2, 2, 24, 1000, 16, 36, 7]),
     case("quickstart-d32-V1000", [2, 2, 32, 1000, 16, 36, 7]),
     case("motion-V1000", [4, 4, 64, 1000, 32, 50, 32]),
     case("motion-V64000", [4, 4, 64, 64_000, 32, 50, 32]),

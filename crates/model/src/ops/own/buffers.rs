@@ -5,17 +5,19 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::mem::MaybeUninit;
 use std::ops::{Deref, DerefMut, Range};
 
 use burn::tensor::{DType, TensorData};
 use burn_flex::FlexTensor;
+use burn_std::{AccessError, AccessPolicy, AllocationController, AllocationProperty, Bytes};
 
 /// Vectors of one length.
 #[derive(Default)]
 struct Shelf {
     free: Vec<Vec<f32>>,
-    /// Vectors that were taken from here or made, and have not come back: as many may come, since
-    /// tensors that burn has made come here too, and would pile up.
+    /// Vectors that were taken from here or made, and have not come back: as many may come, since those that
+    /// another thread has made would pile up.
     lent: usize,
 }
 
@@ -33,19 +35,18 @@ const STEPS: usize = 8;
 /// Below this length the allocator is as good.
 const LEAST: usize = 1024;
 
-/// A vector of floats that goes back when it is dropped.
+/// The first `len` elements of a vector that goes back when it is dropped.
 #[derive(Debug, Default)]
 pub struct Buffer {
     values: Vec<f32>,
+    len: usize,
 }
 
 impl Buffer {
     /// `len` elements, of any values.
     pub fn new(len: usize) -> Self {
         let whole = rounded(len);
-        let mut values = SHELVES.with_borrow_mut(|shelves| take(shelves, whole));
-        values.truncate(len);
-        Self { values }
+        Self { values: SHELVES.with_borrow_mut(|shelves| take(shelves, whole)), len }
     }
 
     /// `len` zeros.
@@ -62,9 +63,38 @@ impl Buffer {
         buffer
     }
 
-    /// A tensor of these elements.
-    pub fn into_tensor<const D: usize>(mut self, shape: [usize; D]) -> FlexTensor {
-        tensor(std::mem::take(&mut self.values), shape)
+    /// A tensor of these elements, whose memory goes back with its last user.
+    pub fn into_tensor<const D: usize>(self, shape: [usize; D]) -> FlexTensor {
+        let len = self.len * size_of::<f32>();
+        // SAFETY: so many bytes are initialized.
+        let bytes = unsafe { Bytes::from_controller(Box::new(self), len) };
+        FlexTensor::from_data(TensorData::from_bytes(bytes, shape, DType::F32))
+    }
+}
+
+/// The memory of a tensor.
+impl AllocationController for Buffer {
+    fn alloc_align(&self) -> usize {
+        align_of::<f32>()
+    }
+
+    fn property(&self) -> AllocationProperty {
+        AllocationProperty::Other
+    }
+
+    unsafe fn memory_mut(
+        &mut self,
+        _: AccessPolicy,
+    ) -> Result<&mut [MaybeUninit<u8>], AccessError> {
+        let bytes: &mut [u8] = bytemuck::cast_slice_mut(self);
+        // SAFETY: the caller writes only initialized bytes.
+        Ok(unsafe { &mut *(std::ptr::from_mut(bytes) as *mut [MaybeUninit<u8>]) })
+    }
+
+    fn memory(&self, _: AccessPolicy) -> Result<&[MaybeUninit<u8>], AccessError> {
+        let bytes: &[u8] = bytemuck::cast_slice(self);
+        // SAFETY: initialized bytes are bytes that may be.
+        Ok(unsafe { &*(std::ptr::from_ref(bytes) as *const [MaybeUninit<u8>]) })
     }
 }
 
@@ -84,15 +114,6 @@ fn take(shelves: &mut Shelves, whole: usize) -> Vec<f32> {
     })
 }
 
-/// Takes a tensor's memory back, unless something else holds it too.
-pub fn recycle(tensor: FlexTensor) {
-    if tensor.is_unique()
-        && let Ok(values) = tensor.into_data().try_into_vec()
-    {
-        drop(Buffer { values });
-    }
-}
-
 /// The length that memory for `len` elements has.
 fn rounded(len: usize) -> usize {
     if len < LEAST {
@@ -103,9 +124,9 @@ fn rounded(len: usize) -> usize {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        let mut values = std::mem::take(&mut self.values);
-        let whole = values.capacity();
-        if whole < LEAST || rounded(whole) != whole {
+        let values = std::mem::take(&mut self.values);
+        let whole = values.len();
+        if whole < LEAST {
             return;
         }
         // At the end of a thread there is nowhere to put it.
@@ -113,7 +134,6 @@ impl Drop for Buffer {
             let mut shelves = shelves.borrow_mut();
             if let Some(shelf) = shelves.get_mut(&whole).filter(|shelf| shelf.lent > 0) {
                 shelf.lent -= 1;
-                values.resize(whole, 0.0);
                 shelf.free.push(values);
             }
         });
@@ -130,13 +150,13 @@ impl Deref for Buffer {
     type Target = [f32];
 
     fn deref(&self) -> &[f32] {
-        &self.values
+        &self.values[..self.len]
     }
 }
 
 impl DerefMut for Buffer {
     fn deref_mut(&mut self) -> &mut [f32] {
-        &mut self.values
+        &mut self.values[..self.len]
     }
 }
 
@@ -196,7 +216,7 @@ mod tests {
     fn memory_comes_back_for_the_next_of_its_size() {
         let first = Buffer::new(5000);
         let place = first.as_ptr();
-        recycle(first.into_tensor([50, 100]));
+        drop(first.into_tensor([50, 100]));
         let second = Buffer::new(4990);
         assert_eq!((second.as_ptr(), second.len()), (place, 4990));
         assert_ne!(Buffer::zeros(5000).as_ptr(), place, "one at a time");
@@ -218,17 +238,25 @@ mod tests {
     }
 
     #[test]
-    fn memory_that_others_made_does_not_pile_up() {
+    fn memory_of_other_threads_does_not_pile_up() {
         drop(Buffer::new(4096));
         for _ in 0..100 {
-            recycle(tensor(vec![0.0; 4096], [64, 64]));
+            let made = std::thread::spawn(|| Buffer::new(4096).into_tensor([64, 64]));
+            drop(made.join().expect("a buffer"));
         }
         assert_eq!(held(), 4096);
-        // What burn has dropped itself leaves room for what it has made.
-        drop(Buffer::new(4096).into_tensor([64, 64]));
-        recycle(tensor(vec![0.0; 4096], [64, 64]));
-        recycle(tensor(vec![0.0; 4096], [64, 64]));
-        assert_eq!(held(), 4096);
+    }
+
+    #[test]
+    fn a_tensor_of_a_buffer_is_one_of_its_elements() {
+        let mut buffer = Buffer::new(1500);
+        buffer.iter_mut().zip(0..).for_each(|(x, i)| *x = i as f32);
+        let first = buffer.into_tensor([3, 500]);
+        let mut second = first.clone();
+        elements_mut(&mut second)[7] = -1.0;
+        assert_eq!((elements(&first)[7], elements(&second)[7]), (7.0, -1.0));
+        assert_eq!((elements(&first).len(), elements(&second)[1499]), (1500, 1499.0));
+        assert_eq!(second.into_data().try_into_vec::<f32>().expect("floats").len(), 1500);
     }
 
     #[test]

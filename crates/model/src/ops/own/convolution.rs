@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use burn_flex::FlexTensor;
 
-use super::buffers::{Buffer, chunks, dims, elements, part, part_mut, recycle};
-use super::matmul::{Target, add_transposed, multiply};
+use super::buffers::{Buffer, chunks, dims, elements, part, part_mut};
+use super::matmul::{Target, multiply, multiply_transposed};
 use super::panels::{Panels, View};
 use super::{Above, Gradients, Operation};
 use crate::ops::{Convolution, Taps};
@@ -103,7 +103,7 @@ impl Operation<3> for Convolution {
             Taps::Point => Buffer::new(x.len()),
             _ => Buffer::zeros(x.len()),
         });
-        let [mut by_weight, mut by_bias] = [kc * o, o].map(Buffer::zeros);
+        let (mut by_weight, mut by_bias) = (Buffer::new(kc * o), Buffer::zeros(o));
         let (mut room, mut panels) = (Buffer::new(CHUNK * kc), Panels::default());
         for rows in chunks(reading.rows_out(), CHUNK) {
             let (count, change) = (rows.len(), part(elements(&gradient), &rows, o));
@@ -113,7 +113,7 @@ impl Operation<3> for Convolution {
             let (taps, change) =
                 (View::new(reading.of(&rows, &mut room), kc), View::new(change, o));
             let target = Target::new(&mut by_weight, o);
-            add_transposed(target, (kc, o), taps, change, count, &mut panels);
+            multiply_transposed(target, (kc, o), taps, change, &rows, &mut panels);
             let Some(by_x) = &mut by_x else { continue };
             if self.taps == Taps::Point {
                 let by_x = part_mut(by_x, &rows, kc);
@@ -127,7 +127,6 @@ impl Operation<3> for Convolution {
             by_x.iter_mut().zip(x).for_each(|(by, x)| *by = if *x <= 0.0 { 0.0 } else { *by });
         }
         let by_x = by_x.map(|by_x| by_x.into_tensor(dims(&inputs[0])));
-        inputs.into_iter().chain([gradient]).for_each(recycle);
         [by_x, Some(by_weight.into_tensor([kc, o])), Some(by_bias.into_tensor([o]))]
     }
 }

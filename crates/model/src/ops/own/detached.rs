@@ -6,7 +6,7 @@ use burn::tensor::Tensor;
 use burn_flex::FlexTensor;
 
 use super::HeadLoss;
-use super::buffers::{Buffer, contiguous, dims, elements, elements_mut, recycle, tensor};
+use super::buffers::{Buffer, contiguous, dims, elements, elements_mut, tensor};
 use super::lanes::{LANES, Lanes};
 use super::matmul::{Target, multiply};
 use super::panels::{Panels, View};
@@ -133,7 +133,6 @@ impl Detached for Flex {
             [value, gradient, first, second].map(contiguous);
         let moments = (elements_mut(&mut first), elements_mut(&mut second));
         step_all(elements_mut(&mut value), elements(&gradient), moments.0, moments.1, step);
-        recycle(gradient);
         (value, first, second)
     }
 }

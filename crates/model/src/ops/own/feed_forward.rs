@@ -5,9 +5,9 @@
 
 use burn_flex::FlexTensor;
 
-use super::buffers::{Buffer, chunks, dims, elements, elements_mut, part, part_mut, recycle};
+use super::buffers::{Buffer, chunks, dims, elements, elements_mut, part, part_mut};
 use super::lanes::{LANES, Lanes};
-use super::matmul::{Target, add_transposed, multiply, transposed};
+use super::matmul::{Target, multiply, multiply_transposed, transposed};
 use super::panels::{Panels, View};
 use super::rows::{exp, rms_norm, rms_norm_again, rms_norm_back, sigmoid};
 use super::vectors::vectorised;
@@ -71,7 +71,8 @@ impl Operation<4> for FeedForward {
         let by_x = elements_mut(&mut gradient);
         let up = Panels::of(View::new(w_up, u).transposed(), u, d);
         let down = Panels::of(View::new(w_down, d).transposed(), d, f);
-        let [mut by_gamma, mut by_up, mut by_down] = [d, d * u, f * d].map(Buffer::zeros);
+        let mut by_gamma = Buffer::zeros(d);
+        let [mut by_up, mut by_down] = [d * u, f * d].map(Buffer::new);
         let (mut normed, mut hidden) = (Buffer::new(CHUNK * d), Buffer::new(CHUNK * f));
         let (mut by_before, mut panels) = (Buffer::new(CHUNK * u), Panels::default());
         for rows in chunks(n, CHUNK) {
@@ -85,14 +86,15 @@ impl Operation<4> for FeedForward {
             }
             let (hidden, change) = (View::new(&hidden, f), View::new(by_x, d));
             let target = Target::new(&mut by_down, d);
-            add_transposed(target, (f, d), hidden, change, count, &mut panels);
+            multiply_transposed(target, (f, d), hidden, change, &rows, &mut panels);
             rms_norm_again(x, gamma, inverses, &mut normed);
             let (input, change) = (View::new(&normed, d), View::new(&by_before, u));
-            add_transposed(Target::new(&mut by_up, d), (u, d), change, input, count, &mut panels);
+            let target = Target::new(&mut by_up, d);
+            multiply_transposed(target, (u, d), change, input, &rows, &mut panels);
             multiply(Target::new(&mut normed, d), count, change, &up, false);
             rms_norm_back(&mut normed, x, gamma, inverses, &mut by_gamma, by_x);
         }
-        inputs.into_iter().for_each(recycle);
+        drop(inputs);
         let (by_gamma, by_up) = (by_gamma.into_tensor([d]), transposed(&by_up, d));
         [gradient, by_gamma, by_up.into_tensor([d, u]), by_down.into_tensor([f, d])].map(Some)
     }
@@ -164,7 +166,6 @@ impl Operation<1> for SwiGlu {
         let mut by = Buffer::new(n * columns);
         let change = elements_mut(&mut gradient);
         swiglu_back(elements(&gate_up), columns / 2, &mut by, change);
-        [gradient, gate_up].into_iter().for_each(recycle);
         [Some(by.into_tensor([n, columns]))]
     }
 }

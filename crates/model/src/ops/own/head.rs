@@ -12,7 +12,7 @@ use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, chunks, contiguous, elements, part, part_mut, tensor};
 use super::lanes::{LANES, Lanes};
-use super::matmul::{Target, add_transposed, multiply_part};
+use super::matmul::{Target, multiply_part, multiply_transposed};
 use super::panels::{Panels, View};
 use super::rows::{exp, max, rms_norm, rms_norm_back, sum_of_exp};
 use super::vectors::vectorised;
@@ -137,7 +137,7 @@ impl Head<'_> {
         let mut learning = wants_gradients.then(|| Learning {
             back: Panels::of(View::new(self.weight, v).transposed(), v, d),
             panels: Panels::default(),
-            by: [self.x.len(), d, d * v].map(Buffer::zeros),
+            by: [Buffer::zeros(self.x.len()), Buffer::zeros(d), Buffer::new(d * v)],
         });
         let mut losses = RowLosses::default();
         for rows in chunks(n, CHUNK) {
@@ -173,16 +173,17 @@ impl Head<'_> {
         let (d, v, count) = (self.d(), self.n_vocab(), rows.len());
         let Room { normed, logits, inverses, sums } = room;
         let scale = 1.0 / self.targets.len() as f32;
-        let mut change = Buffer::zeros(count * d);
+        let mut change = Buffer::new(count * d);
         for block in self.blocks() {
             let logits = &mut logits[block.start * count..][..count * stride(&block)];
             gradient_block(logits, block.clone(), &self.targets[rows.clone()], sums, scale);
             let by_logits = View::new(logits, stride(&block));
             let target = Target::new(&mut change, d);
-            multiply_part(target, count, by_logits, back, 0..d, block.clone(), true);
+            let add = block.start > 0;
+            multiply_part(target, count, by_logits, back, 0..d, block.clone(), add);
             let target = Target::new(&mut by_weight[block.start..], v);
             let (size, normed) = ((d, block.len()), View::new(normed, d));
-            add_transposed(target, size, normed, by_logits, count, panels);
+            multiply_transposed(target, size, normed, by_logits, rows, panels);
         }
         let (x, to) = (part(self.x, rows, d), part_mut(by_x, rows, d));
         rms_norm_back(&mut change, x, self.gamma, inverses, by_gamma, to);

@@ -86,22 +86,24 @@ pub fn multiply_part(
     blocks(target, rows, left, right, columns, inner, add);
 }
 
-/// `target += leftᵀ right` over `inner` rows of both; `panels` is room to work in.
+/// `target = leftᵀ right` over the rows `inner` of a batch, or `target += leftᵀ right` but for its first rows. Both
+/// operands start at the first of these rows; `panels` is room to work in.
 ///
 /// `left` has as many columns as `target` has rows.
-pub fn add_transposed(
+pub fn multiply_transposed(
     mut target: Target<'_>,
     (rows, columns): (usize, usize),
     left: View<'_>,
     right: View<'_>,
-    inner: usize,
+    inner: &Range<usize>,
     panels: &mut Panels,
 ) {
+    let (start, inner) = (inner.start, inner.len());
     for first in (0..inner).step_by(DEPTH) {
         let depth = DEPTH.min(inner - first);
         panels.pack(right.skip_rows(first), depth, columns);
         let left = left.skip_rows(first).transposed();
-        multiply(target.reborrow(), rows, left, panels, true);
+        multiply(target.reborrow(), rows, left, panels, start + first > 0);
     }
 }
 
@@ -251,8 +253,8 @@ fn tile<L: Lanes, const R: usize, const V: usize, const W: usize>(
         }
         (to, stride)
     } else {
-        for (r, row) in edge.iter_mut().take(rows).enumerate() {
-            row[..columns].copy_from_slice(target.row(i + r, j, columns));
+        for (r, row) in edge.iter_mut().take(if add { rows } else { 0 }).enumerate() {
+            copy::<L>(target.row(i + r, j, columns), row);
         }
         (edge.as_flattened_mut().as_mut_ptr(), W)
     };
@@ -267,8 +269,16 @@ fn tile<L: Lanes, const R: usize, const V: usize, const W: usize>(
     }
     if !is_whole {
         for (r, row) in edge.iter().take(rows).enumerate() {
-            target.row(i + r, j, columns).copy_from_slice(&row[..columns]);
+            copy::<L>(row, target.row(i + r, j, columns));
         }
+    }
+}
+
+/// Copies as many vectors as both have, up to the end of `to`.
+#[inline(always)]
+fn copy<L: Lanes>(from: &[f32], to: &mut [f32]) {
+    for (from, to) in from.chunks(LANES).zip(to.chunks_mut(LANES)) {
+        L::read(from).write(to);
     }
 }
 

@@ -41,7 +41,7 @@ use burn::backend::{Autodiff, Backend, Dispatch, Flex, backend_extension};
 use burn::tensor::Tensor;
 use burn_flex::FlexTensor;
 
-use buffers::{contiguous, recycle};
+use buffers::{contiguous, elements};
 
 pub use detached::{AdamWStep, adamw, head_nll, nearest, sum_of_squares};
 pub use feed_forward::{FeedForward, SwiGlu};
@@ -122,9 +122,7 @@ fn forward<O: Operation<N>, const N: usize>(
     keep: bool,
 ) -> (FlexTensor, Option<O::Kept>) {
     let inputs = inputs.map(contiguous);
-    let done = operation.forward(&inputs, keep);
-    inputs.into_iter().for_each(recycle);
-    done
+    operation.forward(&inputs, keep)
 }
 
 /// Keeps the data of the backward pass, if there is one.
@@ -158,12 +156,12 @@ impl<O: Operation<N>, const N: usize> Backward<Flex, N> for WayBack<O> {
     ) {
         let (operation, kept) = ops.state;
         let gradient = contiguous(grads.consume::<Flex>(&ops.node));
+        assert!(!elements(&gradient).is_empty(), "a gradient has rows");
         let wanted = ops.parents.each_ref().map(Option::is_some);
         let by = operation.backward(kept, (gradient, wanted));
         for (parent, by) in ops.parents.into_iter().zip(by) {
-            match (parent, by) {
-                (Some(parent), Some(by)) => grads.register::<Flex>(parent.id, by),
-                (_, unwanted) => unwanted.into_iter().for_each(recycle),
+            if let (Some(parent), Some(by)) = (parent, by) {
+                grads.register::<Flex>(parent.id, by);
             }
         }
     }

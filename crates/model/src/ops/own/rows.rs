@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use burn_flex::FlexTensor;
 
-use super::buffers::{Buffer, dims, elements, elements_mut, recycle};
+use super::buffers::{Buffer, dims, elements, elements_mut};
 use super::lanes::{LANES, Lanes};
 use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};
@@ -194,7 +194,6 @@ impl Operation<2> for RmsNorm {
         let (mut by_x, mut by_gamma) = (Buffer::zeros(n * d), Buffer::zeros(d));
         let change = elements_mut(&mut gradient);
         rms_norm_back(change, x, gamma, &inverses, &mut by_gamma, &mut by_x);
-        inputs.into_iter().chain([gradient]).for_each(recycle);
         [by_x.into_tensor([n, d]), by_gamma.into_tensor([d])].map(Some)
     }
 }
@@ -227,7 +226,6 @@ impl Operation<1> for SelectRows {
                 *to += from;
             }
         }
-        recycle(gradient);
         [Some(by_x.into_tensor([m, d]))]
     }
 }

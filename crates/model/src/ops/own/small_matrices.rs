@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use super::buffers::Buffer;
 use super::lanes::{LANES, Lanes, Tile};
 
 /// Rows of a tile; scratch matrices hold a multiple of these.
@@ -14,18 +15,18 @@ pub const ROWS: usize = 8;
 /// A row-major matrix padded to whole tiles; the padding is unspecified.
 #[derive(Default)]
 pub struct Scratch {
-    values: Vec<f32>,
+    values: Buffer,
     /// Distance between rows.
     stride: usize,
 }
 
 impl Scratch {
-    /// Makes room for `rows` x `columns`, keeping the allocation and whatever it holds.
+    /// Makes room for `rows` x `columns` of any values, keeping the allocation if it is large enough.
     pub fn resize(&mut self, rows: usize, columns: usize) {
         self.stride = columns.next_multiple_of(LANES);
         let needed = rows.next_multiple_of(ROWS) * self.stride;
         if self.values.len() < needed {
-            self.values.resize(needed, 0.0);
+            self.values = Buffer::new(needed);
         }
     }
 

@@ -236,6 +236,30 @@ impl Lanes for Pair {
             Pair(_mm256_maskload_ps(x.as_ptr(), low), _mm256_maskload_ps(rest, high))
         }
 
+        fn write(self, out: &mut [f32]) {
+            if let Ok(whole) = out.try_into() {
+                return self.store(whole);
+            }
+            // Eight, four, two and one of them, since AMD's processors are slow at masked stores.
+            let (n, mut to, mut eight) = (out.len(), out.as_mut_ptr(), self.0);
+            if n & 8 != 0 {
+                _mm256_storeu_ps(to, eight);
+                (to, eight) = (to.add(8), self.1);
+            }
+            let mut four = _mm256_castps256_ps128(eight);
+            if n & 4 != 0 {
+                _mm_storeu_ps(to, four);
+                (to, four) = (to.add(4), _mm256_extractf128_ps(eight, 1));
+            }
+            if n & 2 != 0 {
+                _mm_storel_pd(to.cast(), _mm_castps_pd(four));
+                (to, four) = (to.add(2), _mm_movehl_ps(four, four));
+            }
+            if n & 1 != 0 {
+                _mm_store_ss(to, four);
+            }
+        }
+
         fn sqrt(self) -> Self { Pair(_mm256_sqrt_ps(self.0), _mm256_sqrt_ps(self.1)) }
 
         fn swap_pairs(self) -> Self {

@@ -6,7 +6,7 @@ use super::heads::{Angles, HeadRows, Sight, rotate, rotate_back};
 use super::tiles::{
     Statistics, Workspace, differentiate, load_gradient, mix, sum_by_keys_and_values,
 };
-use crate::ops::own::buffers::{Buffer, dims, elements, recycle};
+use crate::ops::own::buffers::{Buffer, dims, elements};
 use crate::ops::own::lanes::Lanes;
 use crate::ops::own::small_matrices::ROWS;
 use crate::ops::own::vectors::vectorised;
@@ -129,7 +129,6 @@ impl Operation<2> for CrossOptions {
         let [mut by_queries, mut by_memory] = [queries, memory].map(|x| Buffer::new(x.len()));
         let heads = self.heads(of_queries[1]);
         backward(queries, memory, heads, &statistics, change, &mut by_queries, &mut by_memory);
-        inputs.into_iter().chain([gradient]).for_each(recycle);
         [by_queries.into_tensor(of_queries), by_memory.into_tensor(of_memory)].map(Some)
     }
 }

@@ -12,9 +12,9 @@ use std::ops::Range;
 
 use burn_flex::FlexTensor;
 
-use super::buffers::{Buffer, dims, elements, elements_mut, part, part_mut, recycle};
+use super::buffers::{Buffer, dims, elements, elements_mut, part, part_mut};
 use super::lanes::{LANES, Lanes};
-use super::matmul::{Target, add_transposed, multiply, transposed};
+use super::matmul::{Target, multiply, multiply_transposed, transposed};
 use super::panels::{Panels, View};
 use super::rows::{rms_norm, rms_norm_again, rms_norm_back};
 use super::small_matrices::ROWS;
@@ -124,9 +124,7 @@ impl Operation<1> for AttentionOptions {
         let (sequences, mut kept) = (0..heads.layout.n_sequences(), &statistics[..]);
         let (change, work) = (elements(&gradient), &mut Workspace::default());
         attend_back(&mut by, heads, sequences, &mut kept, change, work);
-        let shape = dims(&qkv);
-        [gradient, qkv].into_iter().for_each(recycle);
-        [Some(by.into_tensor(shape))]
+        [Some(by.into_tensor(dims(&qkv)))]
     }
 }
 
@@ -186,9 +184,9 @@ impl Operation<4> for AttentionOptions {
         let (heads, d, by_x) = (self.heads(), gamma.len(), elements_mut(&mut gradient));
         let into_qkv = Panels::of(View::new(w_qkv, 3 * d).transposed(), 3 * d, d);
         let out_of = Panels::of(View::new(w_output, d).transposed(), d, d);
-        let (mut by_gamma, mut by_output) = (Buffer::zeros(d), Buffer::zeros(d * d));
+        let (mut by_gamma, mut by_output) = (Buffer::zeros(d), Buffer::new(d * d));
         // Transposed until the end, so that the narrower operand is the one that is copied.
-        let mut by_weight = Buffer::zeros(3 * d * d);
+        let mut by_weight = Buffer::new(3 * d * d);
         let longest = longest_chunk(heads.layout);
         let (mut normed, mut by_qkv) = (Buffer::new(longest * d), Buffer::new(longest * 3 * d));
         let (mut panels, mut work) = (Panels::default(), Workspace::default());
@@ -198,7 +196,7 @@ impl Operation<4> for AttentionOptions {
             let (x, by_x) = (part(x, &rows, d), part_mut(by_x, &rows, d));
             let (mixed, change) = (View::new(part(&kept.mixed, &rows, d), d), View::new(by_x, d));
             let target = Target::new(&mut by_output, d);
-            add_transposed(target, (d, d), mixed, change, count, &mut panels);
+            multiply_transposed(target, (d, d), mixed, change, &rows, &mut panels);
             multiply(Target::new(&mut normed, d), count, change, &out_of, false);
             // Read in one go here, and never written: it has long left the cache.
             let by_qkv = &mut by_qkv[..count * 3 * d];
@@ -208,11 +206,11 @@ impl Operation<4> for AttentionOptions {
             rms_norm_again(x, gamma, inverses, &mut normed);
             let change = View::new(by_qkv, 3 * d);
             let (target, input) = (Target::new(&mut by_weight, d), View::new(&normed, d));
-            add_transposed(target, (3 * d, d), change, input, count, &mut panels);
+            multiply_transposed(target, (3 * d, d), change, input, &rows, &mut panels);
             multiply(Target::new(&mut normed, d), count, change, &into_qkv, false);
             rms_norm_back(&mut normed, x, gamma, inverses, &mut by_gamma, by_x);
         }
-        inputs.into_iter().for_each(recycle);
+        drop(inputs);
         let by_qkv = transposed(&by_weight, d).into_tensor([d, 3 * d]);
         [gradient, by_gamma.into_tensor([d]), by_qkv, by_output.into_tensor([d, d])].map(Some)
     }
