@@ -63,7 +63,7 @@ impl Buffer {
         buffer
     }
 
-    /// A tensor of these elements, whose memory goes back with its last user.
+    /// A tensor of these elements, whose memory goes back when its last user drops it.
     pub fn into_tensor<const D: usize>(self, shape: [usize; D]) -> FlexTensor {
         let len = self.len * size_of::<f32>();
         // SAFETY: so many bytes are initialized.
