@@ -3,6 +3,7 @@
 use super::args::budget;
 use super::prelude::*;
 use isoflop::laws::scamo;
+use isoflop::laws::text::count;
 use isoflop::predict::{self, FlopCount, ModelSize, PredictError, PredictOptions, predict_sized};
 use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
 use isoflop::spec::{Ffn, ModelShape};
@@ -55,14 +56,20 @@ pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
     };
     let asked = args.unique_tokens.map(on_data).transpose()?;
     let laws = asked.as_ref().unwrap_or(&own);
+    // Before the warnings of a prediction, those of the rows that the laws rest on.
+    let faults =
+        || laws.judgement.rows.iter().map(|fault| format!("{}.", fault.trim_end_matches('.')));
     let SizedArgs { params, tokens, vocab: n_vocab, params_vocab } = args.sized;
     if let (Some(params), Some(tokens)) = (params, tokens) {
         let model = ModelSize { params, n_vocab, params_vocab, tokens };
-        let said = predict_sized(laws, &model)?;
+        let mut said = predict_sized(laws, &model)?;
+        said.warnings.splice(0..0, faults());
         return output.result(&json!([said]), &sized_text(&said));
     }
     let predicted = |budget: &f64| -> Result<Prediction, PredictError> {
-        Ok(on_other_data(predict_one(laws, *budget)?, &own, args.unique_tokens))
+        let mut said = on_other_data(predict_one(laws, *budget)?, &own, args.unique_tokens);
+        said.warnings.splice(0..0, faults());
+        Ok(said)
     };
     let predictions: Vec<Prediction> =
         args.budgets.iter().map(predicted).collect::<Result<_, _>>()?;
@@ -101,7 +108,7 @@ pub fn predict_one(laws: &Laws, budget: f64) -> Result<Prediction, PredictError>
 pub fn each(laws: &Laws, budgets: &[f64], output: &Output) -> Vec<Prediction> {
     let predicted = |budget: &f64| {
         let failed = |error: &PredictError| {
-            output.warn(&format!("no prediction for {budget:e} FLOPs: {error}"));
+            output.warn(&format!("no prediction for {} FLOPs: {error}", count(*budget)));
         };
         predict_one(laws, *budget).inspect_err(failed).ok()
     };

@@ -1,7 +1,7 @@
 //! Predictions as text for a terminal: for budgets, and for one model.
 
 use crate::laws::PerQuantity;
-use crate::laws::text::{count, short, times};
+use crate::laws::text::{codes, count, short, times};
 use crate::predict::{PredictedShape, Prediction, Raw, SizedPrediction, Together};
 use crate::words::{four, from_to, known, listed, span, thousandths, wrap};
 
@@ -10,7 +10,7 @@ type Quantity = (&'static str, fn(f64) -> String);
 
 /// N, N_nv, V, D and the loss.
 const QUANTITIES: [Quantity; 5] =
-    [("N", count), ("N_nv", count), ("V", |x| format!("{x:.0}")), ("D", count), ("loss", four)];
+    [("N", count), ("N_nv", count), ("V", codes), ("D", count), ("loss", four)];
 
 /// The format of a quantity's values; N_v like N.
 fn number(symbol: &str) -> fn(f64) -> String {

@@ -190,13 +190,13 @@ pub enum PredictError {
     #[error("{laws} holds no law of {quantity}, so no optimum can be predicted; refit the sweep")]
     MissingLaw { laws: String, quantity: &'static str },
 
-    #[error("the laws of {laws} leave the range of numbers at {budget:e} FLOPs; give a nearer one")]
+    #[error("the laws of {laws} leave the range of numbers at {} FLOPs; give a nearer one", count(*.budget))]
     OutOfRange { laws: String, budget: f64 },
 
     #[error(
-        "the joint law of {laws} has no optimum at {budget:e} FLOPs between the {what} {} and {}, 8 times \
+        "the joint law of {laws} has no optimum at {} FLOPs between the {what} {} and {}, 8 times \
          below what was tried and far above it: give a budget nearer to the runs, or add runs on both sides of \
-         the best {what} of each budget", count(*.low), count(*.high)
+         the best {what} of each budget", count(*.budget), count(*.low), count(*.high)
     )]
     NoOptimum { laws: String, budget: f64, what: &'static str, low: f64, high: f64 },
 

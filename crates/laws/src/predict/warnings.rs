@@ -1,7 +1,7 @@
 //! The warnings of a prediction.
 
 use super::{Intervals, PredictOptions, Prediction};
-use crate::laws::text::count;
+use crate::laws::text::{codes, count};
 use crate::laws::{Candidate, Laws, Metric, MinimumFlag, Validated};
 use crate::predict::allocation::{Vocabulary, shape_for};
 
@@ -94,7 +94,7 @@ fn sizes_tried(prediction: &Prediction, laws: &Laws) -> Option<String> {
     });
     let far_vocab = prediction.at.n_vocab.filter(|v| is_far(*v, tried.vocabularies)).map(|v| {
         let [low, high] = tried.vocabularies;
-        format!("V = {v:.0} ({low:.0} to {high:.0})")
+        format!("V = {} ({low:.0} to {high:.0})", codes(v))
     });
     let far: Vec<String> = [far_size, far_vocab].into_iter().flatten().collect();
     (!far.is_empty()).then(|| format!("Far outside the range tried: {}.", far.join(", ")))
@@ -155,7 +155,8 @@ fn vocab_range(prediction: &Prediction, laws: &Laws, vocabulary: Vocabulary) -> 
     // If V is far outside the range tried, `sizes_tried` warns already.
     let tried = laws.judgement.tried.is_none_or(|tried| !is_far(v, tried.vocabularies));
     (tried && high > 0.0 && !(low / MISFIT..=high * MISFIT).contains(&v)).then(|| {
-        format!("V = {v:.0} lies outside the optima of the fit, which span {low:.0} to {high:.0}.")
+        let v = codes(v);
+        format!("V = {v} lies outside the optima of the fit, which span {low:.0} to {high:.0}.")
     })
 }
 
@@ -163,8 +164,9 @@ fn codebook(prediction: &Prediction) -> Option<String> {
     let (wanted, built) = (prediction.at.n_vocab?, prediction.shape.as_ref()?.n_vocab as f64);
     ((wanted / built).ln().abs() > MISFIT.ln()).then(|| {
         format!(
-            "The nearest codebook that can be built has {built:.0} codes instead of V = {wanted:.0}: its \
-            N_v is {:.2} times the optimal one.",
+            "The nearest codebook that can be built has {built:.0} codes instead of V = {}: its N_v is {:.2} \
+            times the optimal one.",
+            codes(wanted),
             built / wanted
         )
     })

@@ -16,11 +16,14 @@
 //! al. 2020, without attention).
 
 use super::{Quantity, Table, TableError};
+use crate::laws::text::times;
 use crate::laws::{IsoFlopPoint, Metric, Parameters, RunFacts};
 use crate::table::columns::Named;
 
 /// Budgets beyond this factor of 6 N D are a slip of the unit rather than another FLOP rule.
 const LIKELY_SLIP: f64 = 3.0;
+/// Fewer parameters in a model, or fewer tokens in the longest run, are a slip of the unit.
+const FEWEST: [f64; 2] = [200.0, 1e5];
 /// Every quantity of a point, a value a row; NaN where something it follows from is missing.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Derived {
@@ -54,6 +57,7 @@ pub(super) fn derive(named: &Named, table: &Table) -> Result<Derived, TableError
     if budget.is_some() && given(Quantity::Tokens).is_some() {
         doubts.extend(unit_slip(&budget_flops, &flops_6nd(&params, &tokens)));
     }
+    doubts.extend(too_small(&params, &tokens));
     let all =
         |quantity, otherwise| given(quantity).map_or(vec![otherwise; n_rows], <[f64]>::to_vec);
     let flops = given(Quantity::Flops).map_or_else(|| flops_6nd(&params, &tokens), <[f64]>::to_vec);
@@ -110,6 +114,20 @@ fn unit_slip(budgets: &[f64], flops: &[f64]) -> Option<String> {
              and budget_flops, and scale them in --columns, as in params=millions*1e6"
         )
     })
+}
+
+/// Notes where a table seems to count millions of parameters, or billions of tokens.
+fn too_small(params: &[f64], tokens: &[f64]) -> impl Iterator<Item = String> {
+    // Other numbers are refused with their row.
+    let size = params.iter().copied().filter(|n| *n > 0.0).reduce(f64::min);
+    let data = tokens.iter().copied().filter(|n| *n > 0.0).reduce(f64::max);
+    let size = size.filter(|n| *n < FEWEST[0]).map(times).map(|n| {
+        format!("The smallest model has {n} parameters: if these are millions, say params=column*1e6 in --columns")
+    });
+    let data = data.filter(|n| *n < FEWEST[1]).map(times).map(|n| {
+        format!("No run has more than {n} tokens: if these are billions, say tokens=column*1e9 in --columns")
+    });
+    size.into_iter().chain(data)
 }
 
 // A model's parameters, with and without the vocabulary's, from whatever counts are given.
@@ -341,6 +359,13 @@ mod tests {
     fn budgets_far_from_6nd_are_a_likely_slip_of_the_unit() {
         let slip = derived(&[(Params, 100.0), (Tokens, 1e3), (BudgetFlops, 6e11)]);
         assert!(slip.doubts[0].contains("1.000e6 times 6 N D"), "{:?}", slip.doubts);
+    }
+
+    #[test]
+    fn counts_of_millions_and_billions_are_a_likely_slip_too() {
+        let slip = derived(&[(Params, 70.0), (Tokens, 1.4)]).doubts.join(" ");
+        assert!(slip.contains("has 70 parameters") && slip.contains("than 1.4 tokens"), "{slip}");
+        assert!(derived(&[(Params, 856.0), (Tokens, 3e5)]).doubts.is_empty());
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! and the laws go through the configurations that hold it. It needs no declared budgets, but it
 //! trusts single runs: the lowest of many noisy losses is a lucky one.
 
-use super::chance::{Place, losses_tell, vocab_is_chance};
+use super::chance::{Place, losses_tell};
 use super::{fill, unfitted};
 use crate::laws::file::{LawKind, Laws};
 use crate::laws::input::{
@@ -111,7 +111,6 @@ fn laws(
     fill(&mut laws, set, true);
     laws.bootstrap = replicates.iter().filter_map(LawSet::sample).collect();
     laws.warnings = sentences(points, front, options);
-    laws.judgement.vocab_is_chance = vocab_is_chance(&Place::of_runs(points));
     laws.judgement.rows.extend(warnings::of_two_budgets(&distinct_budgets(points)));
     laws.answered()
 }

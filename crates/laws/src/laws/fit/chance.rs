@@ -1,9 +1,10 @@
 //! Whether the losses of a table tell a law at all, or are equal, or noise.
 
-use crate::laws::input::{Cell, FitError, IsoFlopPoint, compare, is_same_budget};
+use crate::laws::input::{Cell, FitError, IsoFlopPoint, Metric, compare, is_same_budget};
 use crate::laws::maths::least_squares;
 use crate::laws::maths::stats::{chi_square_tail, distinct, extent};
 use crate::laws::minima::Grid;
+use crate::laws::say::warnings::of_rise;
 
 /// Losses below which chance alone explains much, and is not tested for.
 const LEAST_ROWS: usize = 12;
@@ -13,6 +14,10 @@ const CHANCE: f64 = 0.01;
 const EXPONENTS: [f64; 3] = [0.15, 0.35, 0.6];
 /// Losses that differ by less than this share of themselves are equal.
 const EQUAL: f64 = 1e-12;
+/// Rank correlation with the budget above which losses rise with it.
+const RISE: f64 = 0.5;
+/// Times the smallest budget that the largest is, at least, where losses can rise with it.
+const BUDGETS_APART: f64 = 2.0;
 
 /// A loss and where it was measured.
 pub(super) struct Place {
@@ -120,6 +125,17 @@ pub(super) fn vocab_is_chance(places: &[Place]) -> bool {
     chance(&sizes, data, vocab).is_some_and(|p| p > CHANCE)
 }
 
+/// A sentence where the losses rise with the budget, as a score does of which higher is better.
+pub(super) fn rises(places: &[Place], metric: &Metric) -> Option<String> {
+    let [least, most] = extent(places.iter().map(|place| place.budget));
+    let by_loss = centred(ranks(places.iter().map(|place| place.loss).collect()));
+    let by_budget = centred(ranks(places.iter().map(|place| place.budget).collect()));
+    let product = |a: &[f64], b: &[f64]| times(a, b).iter().sum::<f64>();
+    let squares = product(&by_loss, &by_loss) * product(&by_budget, &by_budget);
+    let correlation = product(&by_loss, &by_budget) / squares.sqrt();
+    (most >= BUDGETS_APART * least && correlation > RISE).then(|| of_rise(correlation, metric))
+}
+
 /// Losses that are compared with each other alone.
 type Group<'a> = Vec<&'a Place>;
 
@@ -180,7 +196,8 @@ fn chance(
     let mut measured = vec![within(all().map(|place| place.loss).collect())];
     if base.is_empty() {
         // Ranks of losses that follow `base` do not follow it.
-        measured.push(within(groups.iter().flat_map(ranks).collect()));
+        let losses = |group: &Group| group.iter().map(|place| place.loss).collect();
+        measured.push(within(groups.iter().flat_map(|group| ranks(losses(group))).collect()));
     }
     let tests = measured.iter().flat_map(|y| [(&plane, y), (&surface, y)]);
     let by_chance =
@@ -230,14 +247,14 @@ fn by_chance(columns: &[Vec<f64>], base: usize, y: &[f64], means: usize) -> Opti
     p.is_finite().then_some(p)
 }
 
-/// The share of a group's losses below each, and half of those equal to it.
-fn ranks(group: &Group) -> Vec<f64> {
-    let mut sorted: Vec<f64> = group.iter().map(|place| place.loss).collect();
+/// The share of the values below each, and half of those equal to it.
+fn ranks(values: Vec<f64>) -> Vec<f64> {
+    let mut sorted = values.clone();
     sorted.sort_by(f64::total_cmp);
     let below = |x: f64| sorted.partition_point(|y| *y < x);
     let up_to = |x: f64| sorted.partition_point(|y| *y <= x);
     let rank = |x: f64| (below(x) + up_to(x)) as f64 / (2 * sorted.len()) as f64;
-    group.iter().map(|place| rank(place.loss)).collect()
+    values.into_iter().map(rank).collect()
 }
 
 #[cfg(test)]
@@ -283,6 +300,16 @@ mod tests {
         assert!(refusal(&with(&runs[..2], |_| 2.5)).contains("all 2 losses are 2.5"));
         let of_budget = with(&runs, |run| run.budget_flops.powf(-0.05));
         assert!(refusal(&of_budget).contains("at each budget"), "{}", refusal(&of_budget));
+    }
+
+    #[test]
+    fn losses_that_rise_with_the_budget_are_doubted() {
+        let runs = chinchilla_runs(5, 0.02, 4);
+        let told = |runs: &[IsoFlopPoint]| rises(&Place::of_runs(runs), &Metric::new("score"));
+        let scores = with(&runs, |run| 1.0 / run.loss);
+        assert!(told(&scores).is_some_and(|told| told.contains("loss=1-score")));
+        assert_eq!(told(&runs), None);
+        assert_eq!(told(&scores[..5]), None, "one budget");
     }
 
     #[test]

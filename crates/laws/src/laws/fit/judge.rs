@@ -1,5 +1,6 @@
 //! Judges a fit: run noise, misfit of curves, the recommended law, and the exponents under other choices.
 
+use super::chance::{Place, rises};
 use crate::laws::file::{IntervalPart, Judgement, Laws, Tried};
 use crate::laws::input::{Cell, FitOptions, MinimumMethod, Parameters};
 use crate::laws::joint::{JointLaw, fit_joint, repeat, replicates};
@@ -29,13 +30,18 @@ pub(super) fn judge(
 ) -> Judgement {
     let methods = per_method.iter().map(|(method, _)| *method);
     let misfit = |method| lack_of_fit(method, grids, scatter.noise?);
+    let rows = [
+        rises(&Place::of_cells(grids), &laws.metric),
+        unequal_spend(grids),
+        flat(grids, scatter.noise),
+    ];
     let own = Judgement {
         lack_of_fit: methods.filter_map(misfit).collect(),
         tokenizer_noise: scatter.tokenizers.cloned(),
         test_noise: scatter.test.cloned(),
         interval_parts,
         tried: Some(tried(grids)),
-        rows: unequal_spend(grids).into_iter().chain(flat(grids, scatter.noise)).collect(),
+        rows: rows.into_iter().flatten().collect(),
         ..Judgement::default()
     };
     if !options.recommend {

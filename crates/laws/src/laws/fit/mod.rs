@@ -9,10 +9,10 @@ mod tests;
 pub use approach1::{FrontierPoint, approach1, frontier};
 pub use judge::sensitivity_row;
 
-use self::chance::{Place, losses_tell, sizes_tell, vocab_is_chance};
+use self::chance::{Place, losses_tell, rises, sizes_tell, vocab_is_chance};
 use self::judge::{admissible, interval_parts, judge, sensitivity};
 use crate::laws::advice::advise;
-use crate::laws::file::{HeldOut, IntervalPart, LawKind, Laws};
+use crate::laws::file::{HeldOut, IntervalPart, Judgement, LawKind, Laws};
 use crate::laws::input::{
     FitError, FitOptions, HoldOut, IsoFlopPoint, MinimumMethod, Parameters, group_checked,
     lost_shares, metric_of, repeats,
@@ -230,8 +230,15 @@ fn unfitted(
     points: &[IsoFlopPoint],
 ) -> Laws {
     let [least, most] = extent(points.iter().map(|p| p.flops));
+    let metric = points.first().map(|point| point.metric.clone()).unwrap_or_default();
+    let places = Place::of_runs(points);
     Laws {
-        metric: points.first().map(|point| point.metric.clone()).unwrap_or_default(),
+        judgement: Judgement {
+            vocab_is_chance: vocab_is_chance(&places),
+            rows: rises(&places, &metric).into_iter().collect(),
+            ..Judgement::default()
+        },
+        metric,
         fitted_budgets: if least < most { vec![least, most] } else { vec![most] },
         ..Laws::unfitted(law, names, parameters, reference_flops)
     }
@@ -274,7 +281,6 @@ pub fn parametric_laws(
     let form = parametric.coefficients.form;
     let kind = LawKind::Parametric(form);
     let mut laws = unfitted(kind, (name, flops_rule), form.parameters(), reference, points);
-    laws.judgement.vocab_is_chance = vocab_is_chance(&Place::of_runs(points));
     laws.parametric = Some(parametric);
     around(&laws, reference)
 }

@@ -28,6 +28,11 @@ pub mod text {
         let rounded: f64 = format!("{factor:.digits$e}").parse().expect("a number was written");
         rounded.to_string()
     }
+
+    /// A vocabulary as a law has it: below 10 no whole number, so that it never reads 0.
+    pub fn codes(v: f64) -> String {
+        if v < 10.0 { times(v) } else { format!("{v:.0}") }
+    }
 }
 
 /// e^x and ln x for a handful of rows at a time.

@@ -1,7 +1,7 @@
 //! Warnings of a fit: data left out, and weak assumptions.
 
 use super::{flagged, flags_text};
-use crate::laws::input::{Cell, FitOptions, MinimumMethod, Parameters};
+use crate::laws::input::{Cell, FitOptions, Metric, MinimumMethod, Parameters};
 use crate::laws::lines::{EXPONENT_RANGE, FloorLaw};
 use crate::laws::maths::stats::MIN_REPLICATES;
 use crate::laws::minima::{Grid, Minimum, PREFERRED, RunNoise, has_residuals, n_vocabularies};
@@ -80,6 +80,17 @@ pub(in crate::laws) fn of_flat(losses: f64, noise: f64) -> String {
          they tell no optimum.",
         short(losses, 2),
         short(noise, 2)
+    )
+}
+
+/// Where the loss rises with the budget, by its rank correlation with it.
+pub(in crate::laws) fn of_rise(correlation: f64, metric: &Metric) -> String {
+    let remedy = match metric.unit() {
+        Some(_) => "lower the learning rate, or train on more data",
+        None => "fit loss=1-score if it is a score of which higher is better",
+    };
+    format!(
+        "The loss rises with the budget (rank correlation {correlation:.2}), so these runs tell no optimum: {remedy}."
     )
 }
 
