@@ -2,8 +2,8 @@
 
 use super::args::budget;
 use super::prelude::*;
-use isoflop::laws::scamo;
 use isoflop::laws::text::count;
+use isoflop::laws::{Doubt, scamo};
 use isoflop::predict::{self, FlopCount, ModelSize, PredictError, PredictOptions, predict_sized};
 use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
 use isoflop::spec::{Ffn, ModelShape};
@@ -56,19 +56,19 @@ pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
     };
     let asked = args.unique_tokens.map(on_data).transpose()?;
     let laws = asked.as_ref().unwrap_or(&own);
-    // Before the warnings of a prediction, those of the rows that the laws rest on.
-    let faults =
-        || laws.judgement.rows.iter().map(|fault| format!("{}.", fault.trim_end_matches('.')));
+    // Doubts about the runs come before the warnings of a prediction.
+    let doubts: Vec<Doubt> = laws.answer().doubts;
+    let of_runs = || doubts.iter().filter(|doubt| doubt.kind == "rows").map(Doubt::sentence);
     let SizedArgs { params, tokens, vocab: n_vocab, params_vocab } = args.sized;
     if let (Some(params), Some(tokens)) = (params, tokens) {
         let model = ModelSize { params, n_vocab, params_vocab, tokens };
         let mut said = predict_sized(laws, &model)?;
-        said.warnings.splice(0..0, faults());
+        said.warnings.splice(0..0, of_runs());
         return output.result(&json!([said]), &sized_text(&said));
     }
     let predicted = |budget: &f64| -> Result<Prediction, PredictError> {
         let mut said = on_other_data(predict_one(laws, *budget)?, &own, args.unique_tokens);
-        said.warnings.splice(0..0, faults());
+        said.warnings.splice(0..0, of_runs());
         Ok(said)
     };
     let predictions: Vec<Prediction> =

@@ -116,9 +116,9 @@ fn unit_slip(budgets: &[f64], flops: &[f64]) -> Option<String> {
     })
 }
 
-/// Notes where a table seems to count millions of parameters, or billions of tokens.
+/// Notes if a table seems to count parameters in millions, or tokens in billions.
 fn too_small(params: &[f64], tokens: &[f64]) -> impl Iterator<Item = String> {
-    // Other numbers are refused with their row.
+    // Rows with other numbers are refused.
     let size = params.iter().copied().filter(|n| *n > 0.0).reduce(f64::min);
     let data = tokens.iter().copied().filter(|n| *n > 0.0).reduce(f64::max);
     let size = size.filter(|n| *n < FEWEST[0]).map(times).map(|n| {

@@ -2,7 +2,7 @@
 
 use crate::laws::input::{Cell, FitError, IsoFlopPoint, Metric, compare, is_same_budget};
 use crate::laws::maths::least_squares;
-use crate::laws::maths::stats::{chi_square_tail, distinct, extent};
+use crate::laws::maths::stats::{chi_square_tail, distinct, dot, extent};
 use crate::laws::minima::Grid;
 use crate::laws::say::warnings::of_rise;
 
@@ -14,9 +14,9 @@ const CHANCE: f64 = 0.01;
 const EXPONENTS: [f64; 3] = [0.15, 0.35, 0.6];
 /// Losses that differ by less than this share of themselves are equal.
 const EQUAL: f64 = 1e-12;
-/// Rank correlation with the budget above which losses rise with it.
+/// Losses rise with the budget if their rank correlation is higher.
 const RISE: f64 = 0.5;
-/// Times the smallest budget that the largest is, at least, where losses can rise with it.
+/// Least ratio of the largest to the smallest budget for such a warning.
 const BUDGETS_APART: f64 = 2.0;
 
 /// A loss and where it was measured.
@@ -125,14 +125,13 @@ pub(super) fn vocab_is_chance(places: &[Place]) -> bool {
     chance(&sizes, data, vocab).is_some_and(|p| p > CHANCE)
 }
 
-/// A sentence where the losses rise with the budget, as a score does of which higher is better.
+/// A warning if the losses rise with the budget, as a score does where higher is better.
 pub(super) fn rises(places: &[Place], metric: &Metric) -> Option<String> {
     let [least, most] = extent(places.iter().map(|place| place.budget));
     let by_loss = centred(ranks(places.iter().map(|place| place.loss).collect()));
     let by_budget = centred(ranks(places.iter().map(|place| place.budget).collect()));
-    let product = |a: &[f64], b: &[f64]| times(a, b).iter().sum::<f64>();
-    let squares = product(&by_loss, &by_loss) * product(&by_budget, &by_budget);
-    let correlation = product(&by_loss, &by_budget) / squares.sqrt();
+    let squares = dot(&by_loss, &by_loss) * dot(&by_budget, &by_budget);
+    let correlation = dot(&by_loss, &by_budget) / squares.sqrt();
     (most >= BUDGETS_APART * least && correlation > RISE).then(|| of_rise(correlation, metric))
 }
 

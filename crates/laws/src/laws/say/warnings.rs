@@ -83,11 +83,11 @@ pub(in crate::laws) fn of_flat(losses: f64, noise: f64) -> String {
     )
 }
 
-/// Where the loss rises with the budget, by its rank correlation with it.
+/// The warning if the loss rises with the budget.
 pub(in crate::laws) fn of_rise(correlation: f64, metric: &Metric) -> String {
     let remedy = match metric.unit() {
         Some(_) => "lower the learning rate, or train on more data",
-        None => "fit loss=1-score if it is a score of which higher is better",
+        None => "if higher is better, fit loss=1-score",
     };
     format!(
         "The loss rises with the budget (rank correlation {correlation:.2}), so these runs tell no optimum: {remedy}."
