@@ -8,6 +8,7 @@
 //! While a tile is computed, the next panel and the next tile of the result are prefetched.
 
 use std::ops::Range;
+use std::sync::atomic::{Ordering, compiler_fence};
 
 use super::buffers::Buffer;
 use super::lanes::{LANES, Lanes, Tile};
@@ -312,6 +313,8 @@ unsafe fn accumulate<L: Lanes, const R: usize, const V: usize, const W: usize>(
             unsafe {
                 add_products(&mut sums, left.first.add(k * left.inner), left.row, right.add(k * W));
             }
+            // Without it the compiler loads the next vectors early, into a register of the sums.
+            compiler_fence(Ordering::SeqCst);
         }
         left.first = left.first.wrapping_add(UNROLLED * left.inner);
         right = right.wrapping_add(UNROLLED * W);
