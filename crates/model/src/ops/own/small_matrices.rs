@@ -1,16 +1,27 @@
 //! [`Scratch`]: matrices of a few dozen rows, and their products, for one head of one sequence at a time.
 //!
 //! A general product packs its operands first, which at these sizes costs as much as the product itself, and cannot skip
-//! masked parts. This one computes tiles of [`ROWS`] rows and one or two vectors of columns in registers, directly from
-//! scratch matrices with rows padded to whole vectors.
+//! masked parts. This one computes tiles of [`tile_rows`] rows and one or two vectors of columns in registers, directly
+//! from scratch matrices with rows padded to whole vectors.
 
 use std::ops::Range;
 
 use super::buffers::Buffer;
 use super::lanes::{LANES, Lanes, Tile};
 
-/// Rows of a tile; scratch matrices hold a multiple of these.
+/// Rows of a tile where registers are many: no tile has more.
 pub const ROWS: usize = 8;
+
+/// Rows of a tile where registers are few.
+const FEW: usize = 6;
+
+/// Rows of a tile. Its sums are enough that none waits for another, and fit in the registers.
+pub const fn tile_rows<L: Lanes>() -> usize {
+    match L::TILE {
+        Tile::SixByFour => ROWS,
+        Tile::SixByOne | Tile::FourByOne => FEW,
+    }
+}
 
 /// A row-major matrix padded to whole tiles; the padding is unspecified.
 #[derive(Default)]
@@ -22,9 +33,10 @@ pub struct Scratch {
 
 impl Scratch {
     /// Makes room for `rows` x `columns` of any values, keeping the allocation if it is large enough.
-    pub fn resize(&mut self, rows: usize, columns: usize) {
+    pub fn resize<L: Lanes>(&mut self, rows: usize, columns: usize) {
+        let [rows, columns] = [rows, columns].map(|n| n.next_multiple_of(tile_rows::<L>()));
         self.stride = columns.next_multiple_of(LANES);
-        let needed = rows.next_multiple_of(ROWS) * self.stride;
+        let needed = rows * self.stride;
         if self.values.len() < needed {
             self.values = Buffer::new(needed);
         }
@@ -63,7 +75,7 @@ impl Scratch {
     /// Becomes the transpose of the `rows` x `columns` matrix `other`, with zeros in its padding.
     #[inline(always)]
     pub fn set_transposed<L: Lanes>(&mut self, other: &Scratch, rows: usize, columns: usize) {
-        self.resize(columns.next_multiple_of(LANES), rows);
+        self.resize::<L>(columns.next_multiple_of(LANES), rows);
         for first in (0..rows).step_by(LANES) {
             for column in (0..columns).step_by(LANES) {
                 let mut block = [L::splat(0.0); LANES];
@@ -78,22 +90,23 @@ impl Scratch {
         }
     }
 
-    /// Sees that there are so many rows and columns, which [`Scratch::vector`] relies on.
+    /// Sees that there are so many rows and columns, which [`Scratch::place`] relies on.
     #[inline(always)]
     fn check(&self, rows: usize, columns: usize) {
         let last = (rows.max(1) - 1) * self.stride + columns.next_multiple_of(LANES);
-        assert!(last <= self.values.len(), "a product reads beyond its right operand");
+        assert!(last <= self.values.len(), "a product ends beyond a scratch matrix");
     }
 
-    /// The vector that starts at column `j` of row `i`.
-    ///
-    /// # Safety
-    ///
-    /// There must be such a vector: see [`Scratch::check`].
+    /// Where the vector from column `j` of row `i` on lies, if there is one: see [`Scratch::check`].
     #[inline(always)]
-    unsafe fn vector<L: Lanes>(&self, i: usize, j: usize) -> L {
-        // SAFETY: the caller's promise.
-        L::load(unsafe { &*self.values.as_ptr().add(i * self.stride + j).cast() })
+    fn place(&self, i: usize, j: usize) -> *const [f32; LANES] {
+        self.values.as_ptr().wrapping_add(i * self.stride + j).cast()
+    }
+
+    /// As [`Scratch::place`].
+    #[inline(always)]
+    fn place_mut(&mut self, i: usize, j: usize) -> *mut [f32; LANES] {
+        self.values.as_mut_ptr().wrapping_add(i * self.stride + j).cast()
     }
 }
 
@@ -139,10 +152,7 @@ impl<'a, const TRANSPOSED: bool> Left<'a, TRANSPOSED> {
     }
 }
 
-/// Rows of a tile where registers are few.
-const HALF: usize = ROWS / 2;
-
-/// The extent of a block of [`ROWS`] rows of a product: part of the inner dimension, and the number of result
+/// The extent of a block of [`tile_rows`] rows of a product: part of the inner dimension, and the number of result
 /// columns.
 pub struct Span {
     pub inner: Range<usize>,
@@ -160,12 +170,12 @@ pub fn product<L: Lanes, const TRANSPOSED: bool>(
     right: &Scratch,
     span: impl Fn(usize) -> Span,
 ) {
-    for first in (0..rows).step_by(ROWS) {
+    for first in (0..rows).step_by(tile_rows::<L>()) {
         block::<L, _>(out, first, left.skip_rows(first), right, span(first));
     }
 }
 
-/// The block of [`ROWS`] rows of `out` that starts at `row`: the first ones of `left`, times
+/// The block of [`tile_rows`] rows of `out` that starts at `row`: the first ones of `left`, times
 /// `right`.
 #[inline(always)]
 pub fn block<L: Lanes, const TRANSPOSED: bool>(
@@ -176,22 +186,21 @@ pub fn block<L: Lanes, const TRANSPOSED: bool>(
     span: Span,
 ) {
     let Span { inner, columns } = span;
-    left.check(ROWS, inner.end);
+    left.check(tile_rows::<L>(), inner.end);
     right.check(inner.end, columns);
+    out.check(row + tile_rows::<L>(), columns);
     let mut column = 0;
-    while L::TILE == Tile::SixByFour && column + LANES < columns {
-        tile::<L, ROWS, 2, _>(out, (row, column), left, right, inner.clone());
-        column += 2 * LANES;
-    }
     while column < columns {
-        if L::TILE == Tile::SixByFour {
-            tile::<L, ROWS, 1, _>(out, (row, column), left, right, inner.clone());
-        } else {
-            let rest = left.skip_rows(HALF);
-            tile::<L, HALF, 1, _>(out, (row, column), left, right, inner.clone());
-            tile::<L, HALF, 1, _>(out, (row + HALF, column), rest, right, inner.clone());
-        }
+        let (to, inner) = ((row, column), inner.clone());
         column += LANES;
+        match L::TILE {
+            Tile::SixByFour if column < columns => {
+                tile::<L, ROWS, 2, _>(out, to, left, right, inner);
+                column += LANES;
+            }
+            Tile::SixByFour => tile::<L, ROWS, 1, _>(out, to, left, right, inner),
+            Tile::SixByOne | Tile::FourByOne => tile::<L, FEW, 1, _>(out, to, left, right, inner),
+        }
     }
 }
 
@@ -209,7 +218,7 @@ fn tile<L: Lanes, const R: usize, const V: usize, const TRANSPOSED: bool>(
         let mut vectors = [L::splat(0.0); V];
         for (v, vector) in vectors.iter_mut().enumerate() {
             // SAFETY: `block` has checked.
-            *vector = unsafe { right.vector(k, column + v * LANES) };
+            *vector = L::load(unsafe { &*right.place(k, column + v * LANES) });
         }
         for (r, sums) in sums.iter_mut().enumerate() {
             // SAFETY: `block` has checked.
@@ -219,10 +228,10 @@ fn tile<L: Lanes, const R: usize, const V: usize, const TRANSPOSED: bool>(
             }
         }
     }
-    for (row, sums) in out.rows_mut(row).zip(sums) {
-        let row = &mut row[column..column + V * LANES];
-        for (v, sum) in sums.into_iter().enumerate() {
-            sum.write(&mut row[v * LANES..(v + 1) * LANES]);
+    for (r, sums) in sums.iter().enumerate() {
+        for (v, sum) in sums.iter().enumerate() {
+            // SAFETY: `block` has checked.
+            sum.store(unsafe { &mut *out.place_mut(row + r, column + v * LANES) });
         }
     }
 }
@@ -242,15 +251,16 @@ mod tests {
     fn a_transpose_has_rows_for_columns_and_zeros_around_them() {
         let (mut from, mut to) = (Scratch::default(), Scratch::default());
         for (rows, columns) in [(40, 33), (1, 1), (16, 16), (17, 5), (5, 17)] {
-            from.resize(rows, columns);
+            from.resize::<[f32; LANES]>(rows, columns);
             let numbers = 1..;
             from.values.iter_mut().zip(numbers).for_each(|(x, n)| *x = n as f32);
             transpose(&from, rows, columns, &mut to);
             for j in 0..columns {
                 let column = (0..rows).map(|i| from.row(i)[j]);
-                let padding = std::iter::repeat(0.0);
-                let expected = column.chain(padding).take(rows.next_multiple_of(LANES));
-                assert!(expected.eq(to.row(j).iter().copied()), "{rows} x {columns}, column {j}");
+                let (padding, width) = (std::iter::repeat(0.0), rows.next_multiple_of(LANES));
+                let expected = column.chain(padding).take(width);
+                let found = to.row(j)[..width].iter().copied();
+                assert!(expected.eq(found), "{rows} x {columns}, column {j}");
             }
         }
     }

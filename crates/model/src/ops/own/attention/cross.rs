@@ -8,7 +8,7 @@ use super::tiles::{
 };
 use crate::ops::own::buffers::{Buffer, dims, elements};
 use crate::ops::own::lanes::Lanes;
-use crate::ops::own::small_matrices::ROWS;
+use crate::ops::own::small_matrices::tile_rows;
 use crate::ops::own::vectors::vectorised;
 use crate::ops::own::{Above, Gradients, Operation};
 use crate::ops::{CrossLayout, CrossOptions, Rope};
@@ -165,9 +165,9 @@ vectorised! {
             let [of_queries, of_keys] = head.angles();
             read::<L>(&mut work, queries, memory, head);
             load_gradient::<L>(&mut work, (gradient, head.queries()), &head);
-            for first in (0..head.n_queries()).step_by(ROWS) {
+            for first in (0..head.n_queries()).step_by(tile_rows::<L>()) {
                 differentiate::<L>(&mut work, &head, first, &mut kept);
-                let (to, rows) = ((&mut *by_queries, head.queries()), head.rows(first));
+                let (to, rows) = ((&mut *by_queries, head.queries()), head.rows::<L>(first));
                 rotate_back::<L>(to, &work.grad_queries, rows, of_queries, head.scale());
             }
             sum_by_keys_and_values::<L>(&mut work, &head);
@@ -184,9 +184,9 @@ vectorised! {
 fn read<L: Lanes>(work: &mut Workspace, queries: &[f32], memory: &[f32], head: CrossHead<'_>) {
     let (n, m, head_dim) = (head.n_queries(), head.n_keys(), head.head_dim());
     let [of_queries, of_keys] = head.angles();
-    work.queries.resize(n, head_dim);
-    work.keys.resize(m, head_dim);
-    work.values.resize(m, head_dim);
+    work.queries.resize::<L>(n, head_dim);
+    work.keys.resize::<L>(m, head_dim);
+    work.values.resize::<L>(m, head_dim);
     rotate::<L>(&mut work.queries, (queries, head.queries()), 0..n, of_queries, head.scale());
     rotate::<L>(&mut work.keys, (memory, head.memory(0)), 0..m, of_keys, 1.0);
     rotate::<L>(&mut work.values, (memory, head.memory(1)), 0..m, None, 1.0);

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use crate::ops::own::lanes::{LANES, Lanes};
-use crate::ops::own::small_matrices::{ROWS, Scratch};
+use crate::ops::own::small_matrices::{ROWS, Scratch, tile_rows};
 use crate::ops::{Rope, SequenceLayout};
 
 /// The layout of heads and sequences in rows of `[q | k | v]` and of the output.
@@ -130,20 +130,24 @@ pub trait Sight {
 
     /// Queries of the tile that starts at `first`.
     #[inline(always)]
-    fn rows(&self, first: usize) -> Range<usize> {
-        first..(first + ROWS).min(self.n_queries())
+    fn rows<L: Lanes>(&self, first: usize) -> Range<usize> {
+        first..(first + tile_rows::<L>()).min(self.n_queries())
     }
 
     /// The number of keys visible to each; rows after the last repeat it.
     #[inline(always)]
-    fn visible_by_row(&self, first: usize) -> [usize; ROWS] {
-        std::array::from_fn(|r| self.visible((first + r).min(self.n_queries() - 1)))
+    fn visible_by_row<L: Lanes>(&self, first: usize) -> [usize; ROWS] {
+        let (last, mut by_row) = (self.rows::<L>(first).end - 1, [0; ROWS]);
+        for (r, visible) in by_row.iter_mut().enumerate() {
+            *visible = self.visible((first + r).min(last));
+        }
+        by_row
     }
 
     /// Most keys visible in the tile that starts at `first`: those of its last query.
     #[inline(always)]
-    fn visible_in_tile(&self, first: usize) -> usize {
-        self.visible(self.rows(first).end - 1)
+    fn visible_in_tile<L: Lanes>(&self, first: usize) -> usize {
+        self.visible(self.rows::<L>(first).end - 1)
     }
 }
 

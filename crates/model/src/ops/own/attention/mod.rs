@@ -4,9 +4,8 @@
 //! before the cut is computed: about half for a causal sequence. Rows go through scores, softmax and product one tile at
 //! a time, and the backward pass recomputes their weights from two numbers per row.
 //!
-//! Rows of weights are zero from their cut to the end of the vector with the cut of the tile's longest row, and
-//! unspecified after it. That is enough: a tile reads no further than its longest row. The rows of a causal tile are all
-//! cut in one vector, because a vector contains whole tiles.
+//! Rows of weights are zero from their cut to the end of the tile of keys that the cut of their tile's longest row lies in,
+//! and on to the end of a vector. They are unspecified after it. That is enough: no product reads further.
 
 use std::ops::Range;
 
@@ -17,7 +16,7 @@ use super::lanes::{LANES, Lanes};
 use super::matmul::{Target, multiply, multiply_transposed, transposed};
 use super::panels::{Panels, View};
 use super::rows::{rms_norm, rms_norm_again, rms_norm_back};
-use super::small_matrices::ROWS;
+use super::small_matrices::tile_rows;
 use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};
 use crate::ops::{AttentionOptions, SequenceLayout};
@@ -27,8 +26,6 @@ use tiles::{Statistics, Workspace, differentiate, load_gradient, mix, sum_by_key
 mod cross;
 mod heads;
 mod tiles;
-
-const _: () = assert!(LANES.is_multiple_of(ROWS), "a vector must hold whole tiles");
 
 impl AttentionOptions {
     /// The heads that they speak of.
@@ -76,9 +73,9 @@ vectorised! {
             let angles = Some(head.angles());
             load::<L>(work, qkv, head);
             load_gradient::<L>(work, (grad_output, head.output()), &head);
-            for first in (0..head.len).step_by(ROWS) {
+            for first in (0..head.len).step_by(tile_rows::<L>()) {
                 differentiate::<L>(work, &head, first, kept);
-                let (to, rows) = ((&mut *qkv, head.part(0)), head.rows(first));
+                let (to, rows) = ((&mut *qkv, head.part(0)), head.rows::<L>(first));
                 rotate_back::<L>(to, &work.grad_queries, rows, angles, head.scale());
             }
             sum_by_keys_and_values::<L>(work, &head);
@@ -96,7 +93,7 @@ fn load<L: Lanes>(work: &mut Workspace, qkv: &[f32], head: Head<'_>) {
     let (len, head_dim, scale) = (head.len, head.head_dim(), head.scale());
     let angles = Some(head.angles());
     for matrix in [&mut work.queries, &mut work.keys, &mut work.values] {
-        matrix.resize(len, head_dim);
+        matrix.resize::<L>(len, head_dim);
     }
     rotate::<L>(&mut work.queries, (qkv, head.part(0)), 0..len, angles, scale);
     rotate::<L>(&mut work.keys, (qkv, head.part(1)), 0..len, angles, 1.0);

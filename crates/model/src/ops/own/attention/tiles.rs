@@ -7,7 +7,7 @@
 use super::heads::{HeadRows, Sight, rotate, rotate_back};
 use crate::ops::own::lanes::{LANES, Lanes};
 use crate::ops::own::rows::{dot, exp, max};
-use crate::ops::own::small_matrices::{ROWS, Scratch, Span, block, product};
+use crate::ops::own::small_matrices::{ROWS, Scratch, Span, block, product, tile_rows};
 
 /// Matrices of one head, kept from head to head for their allocations.
 #[derive(Default)]
@@ -39,7 +39,7 @@ impl Workspace {
     /// The scores of the tile that starts at row `first`, into the rows of `weights` from `to` on.
     #[inline(always)]
     fn scores<L: Lanes>(&mut self, sight: &impl Sight, first: usize, to: usize) {
-        let span = Span { inner: 0..sight.head_dim(), columns: sight.visible_in_tile(first) };
+        let span = Span { inner: 0..sight.head_dim(), columns: sight.visible_in_tile::<L>(first) };
         let queries = self.queries.plain().skip_rows(first);
         block::<L, _>(&mut self.weights, to, queries, &self.keys_across, span);
     }
@@ -54,24 +54,24 @@ pub fn mix<L: Lanes>(
     keep: bool,
     room: &mut &mut [f32],
 ) {
-    work.weights.resize(ROWS, sight.n_keys());
-    work.output.resize(ROWS, sight.head_dim());
-    for first in (0..sight.n_queries()).step_by(ROWS) {
+    work.weights.resize::<L>(ROWS, sight.n_keys());
+    work.output.resize::<L>(ROWS, sight.head_dim());
+    for first in (0..sight.n_queries()).step_by(tile_rows::<L>()) {
         let statistics = attend::<L>(work, sight, first);
         if keep {
-            statistics.keep(sight.rows(first).len(), room);
+            statistics.keep(sight.rows::<L>(first).len(), room);
         }
         let to = (&mut *output, place);
-        rotate_back::<L>(to, &work.output, sight.rows(first), None, 1.0);
+        rotate_back::<L>(to, &work.output, sight.rows::<L>(first), None, 1.0);
     }
 }
 
 /// weights = softmax(queries keysᵀ), output = weights values, for the rows of one tile.
 #[inline(always)]
 fn attend<L: Lanes>(work: &mut Workspace, sight: &impl Sight, first: usize) -> Statistics {
-    let visible = sight.visible_in_tile(first);
+    let visible = sight.visible_in_tile::<L>(first);
     work.scores::<L>(sight, first, 0);
-    let tile = Tile { first: 0, visible: sight.visible_by_row(first) };
+    let tile = Tile { first: 0, visible: sight.visible_by_row::<L>(first) };
     let statistics = softmax::<L>(&mut work.weights, tile);
     let span = Span { inner: 0..visible, columns: sight.head_dim() };
     block::<L, _>(&mut work.output, 0, work.weights.plain(), &work.values, span);
@@ -87,11 +87,11 @@ pub fn load_gradient<L: Lanes>(
 ) {
     let (queries, keys, head_dim) = (sight.n_queries(), sight.n_keys(), sight.head_dim());
     work.values_across.set_transposed::<L>(&work.values, keys, head_dim);
-    work.output.resize(queries, head_dim);
+    work.output.resize::<L>(queries, head_dim);
     rotate::<L>(&mut work.output, gradient, 0..queries, None, 1.0);
-    work.weights.resize(queries, keys);
-    work.grad_scores.resize(queries, keys);
-    work.grad_queries.resize(ROWS, head_dim);
+    work.weights.resize::<L>(queries, keys);
+    work.grad_scores.resize::<L>(queries, keys);
+    work.grad_queries.resize::<L>(ROWS, head_dim);
 }
 
 /// Weights, gradient by the scores and gradient by the queries of one tile's rows.
@@ -102,10 +102,14 @@ pub fn differentiate<L: Lanes>(
     first: usize,
     kept: &mut &[f32],
 ) {
-    let (visible, head_dim) = (sight.visible_in_tile(first), sight.head_dim());
-    let tile = Tile { first, visible: sight.visible_by_row(first) };
+    let (visible, head_dim) = (sight.visible_in_tile::<L>(first), sight.head_dim());
+    let tile = Tile { first, visible: sight.visible_by_row::<L>(first) };
     work.scores::<L>(sight, first, first);
-    softmax_again::<L>(&mut work.weights, tile, Statistics::take(sight.rows(first).len(), kept));
+    softmax_again::<L>(
+        &mut work.weights,
+        tile,
+        Statistics::take(sight.rows::<L>(first).len(), kept),
+    );
     let by_weight = Span { inner: 0..head_dim, columns: visible };
     let output = work.output.plain().skip_rows(first);
     block::<L, _>(&mut work.grad_scores, first, output, &work.values_across, by_weight);
@@ -119,8 +123,8 @@ pub fn differentiate<L: Lanes>(
 #[inline(always)]
 pub fn sum_by_keys_and_values<L: Lanes>(work: &mut Workspace, sight: &impl Sight) {
     let (queries, keys, head_dim) = (sight.n_queries(), sight.n_keys(), sight.head_dim());
-    work.grad_keys.resize(keys, head_dim);
-    work.grad_values.resize(keys, head_dim);
+    work.grad_keys.resize::<L>(keys, head_dim);
+    work.grad_values.resize::<L>(keys, head_dim);
     let viewers = |first| Span { inner: sight.first_viewer(first)..queries, columns: head_dim };
     let (weights, scores) = (work.weights.transposed(), work.grad_scores.transposed());
     product::<L, _>(&mut work.grad_values, keys, weights, &work.output, viewers);
@@ -173,20 +177,23 @@ impl Statistics {
 }
 
 impl Tile {
-    /// Zeros from the vector of a row's cut to the vector of the tile's last cut; needed only if a tile has rows of several
-    /// blocks.
+    /// Zeros from the vector of a row's cut to that of the end of the tile of keys that the tile's last cut lies in.
     #[inline(always)]
-    fn clear_rest(self, matrix: &mut Scratch) {
-        let end = self.visible[ROWS - 1].next_multiple_of(LANES);
-        for (row, visible) in matrix.rows_mut(self.first).zip(self.visible) {
+    fn clear_rest<L: Lanes>(self, matrix: &mut Scratch) {
+        let end = self.visible[ROWS - 1].next_multiple_of(tile_rows::<L>()).next_multiple_of(LANES);
+        for (row, visible) in matrix.rows_mut(self.first).zip(self.visible).take(tile_rows::<L>()) {
             row[visible.next_multiple_of(LANES)..end].fill(0.0);
         }
     }
 
     /// The tile's rows of `matrix`, cut to whole vectors, and how many positions each sees.
     #[inline(always)]
-    fn rows(self, matrix: &mut Scratch) -> impl Iterator<Item = (&mut [[f32; LANES]], usize)> {
-        matrix.rows_mut(self.first).zip(self.visible).map(|(row, visible)| {
+    fn rows<L: Lanes>(
+        self,
+        matrix: &mut Scratch,
+    ) -> impl Iterator<Item = (&mut [[f32; LANES]], usize)> {
+        let rows = matrix.rows_mut(self.first).zip(self.visible).take(tile_rows::<L>());
+        rows.map(|(row, visible)| {
             (row[..visible.next_multiple_of(LANES)].as_chunks_mut().0, visible)
         })
     }
@@ -196,18 +203,20 @@ impl Tile {
 #[inline(always)]
 fn softmax<L: Lanes>(scores: &mut Scratch, tile: Tile) -> Statistics {
     let [mut largest, mut inverse] = [[0.0; ROWS]; 2];
-    for ((row, visible), largest) in tile.rows(scores).zip(&mut largest) {
+    for ((row, visible), largest) in tile.rows::<L>(scores).zip(&mut largest) {
         *largest = max::<L>(&row.as_flattened()[..visible]);
     }
-    for (((row, visible), largest), inverse) in tile.rows(scores).zip(largest).zip(&mut inverse) {
+    for (((row, visible), largest), inverse) in
+        tile.rows::<L>(scores).zip(largest).zip(&mut inverse)
+    {
         *inverse = 1.0 / powers::<L>(row, visible, largest, 1.0);
     }
-    for ((row, _), inverse) in tile.rows(scores).zip(inverse) {
+    for ((row, _), inverse) in tile.rows::<L>(scores).zip(inverse) {
         for x in row {
             L::load(x).mul(L::splat(inverse)).store(x);
         }
     }
-    tile.clear_rest(scores);
+    tile.clear_rest::<L>(scores);
     Statistics { largest, inverse }
 }
 
@@ -215,10 +224,10 @@ fn softmax<L: Lanes>(scores: &mut Scratch, tile: Tile) -> Statistics {
 #[inline(always)]
 fn softmax_again<L: Lanes>(scores: &mut Scratch, tile: Tile, statistics: Statistics) {
     let Statistics { largest, inverse } = statistics;
-    for (((row, visible), largest), inverse) in tile.rows(scores).zip(largest).zip(inverse) {
+    for (((row, visible), largest), inverse) in tile.rows::<L>(scores).zip(largest).zip(inverse) {
         powers::<L>(row, visible, largest, inverse);
     }
-    tile.clear_rest(scores);
+    tile.clear_rest::<L>(scores);
 }
 
 /// Replaces the first `visible` scores of a row by factor · e^(score − largest), the rest by zeros; returns the sum of
@@ -243,19 +252,19 @@ fn powers<L: Lanes>(row: &mut [[f32; LANES]], visible: usize, largest: f32, fact
 #[inline(always)]
 fn softmax_back<L: Lanes>(gradient: &mut Scratch, weights: &Scratch, tile: Tile) {
     let mut means = [0.0; ROWS];
-    let weights = || (tile.first..).map(|row| weights.row(row));
-    for (((row, visible), weights), mean) in tile.rows(gradient).zip(weights()).zip(&mut means) {
-        *mean = dot::<L>(&row.as_flattened()[..visible], weights);
+    // Counted, since the compiler leaves the steps of a longer `zip` as calls.
+    for (r, (row, visible)) in tile.rows::<L>(gradient).enumerate() {
+        means[r] = dot::<L>(&row.as_flattened()[..visible], weights.row(tile.first + r));
     }
-    for (((row, visible), weights), mean) in tile.rows(gradient).zip(weights()).zip(means) {
+    for (r, (row, visible)) in tile.rows::<L>(gradient).enumerate() {
         let Some((last, whole)) = row.split_last_mut() else { return };
-        let (left, mean) = (visible - whole.len() * LANES, L::splat(mean));
-        let weights = &weights.as_chunks().0[..=whole.len()];
+        let (left, mean) = (visible - whole.len() * LANES, L::splat(means[r]));
+        let weights = &weights.row(tile.first + r).as_chunks().0[..=whole.len()];
         for (x, weight) in whole.iter_mut().zip(weights) {
             L::load(x).sub(mean).mul(L::load(weight)).store(x);
         }
         let by_score = L::load(last).sub(mean).mul(L::load(&weights[whole.len()]));
         by_score.first(left, L::splat(0.0)).store(last);
     }
-    tile.clear_rest(gradient);
+    tile.clear_rest::<L>(gradient);
 }
