@@ -2,6 +2,8 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 
+use super::own::LANES;
+
 /// Cosines and sines of rotary position embedding (Su et al. 2021), on interleaved pairs.
 ///
 /// Position t turns the pair (x₂ᵢ, x₂ᵢ₊₁) of each head by the angle t θᵢ, where
@@ -13,12 +15,14 @@ use burn::tensor::{Device, Tensor, TensorData};
 /// from 0 in each sequence, text included.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rope {
-    /// (cos, cos) of each pair, `[max_len, head_dim]`.
+    /// (cos, cos) of each pair, `[max_len, width]`.
     along: Vec<f32>,
-    /// (−sin, sin) of each pair, `[max_len, head_dim]`.
+    /// (−sin, sin) of each pair, `[max_len, width]`.
     across: Vec<f32>,
     max_len: usize,
     head_dim: usize,
+    /// head_dim, rounded up to whole vectors.
+    width: usize,
 }
 
 impl Rope {
@@ -42,16 +46,16 @@ impl Rope {
             head_dim > 0 && head_dim.is_multiple_of(2),
             "rotary embedding turns pairs of features: head_dim must be even, not {head_dim}"
         );
-        let max_len = positions.len();
+        let (max_len, width) = (positions.len(), head_dim.next_multiple_of(LANES));
         let angles = || {
             positions.iter().flat_map(move |t| {
-                (0..head_dim / 2).map(move |i| t * base.powf(-2.0 * i as f64 / head_dim as f64))
+                (0..width / 2).map(move |i| t * base.powf(-2.0 * i as f64 / head_dim as f64))
             })
         };
         let along = angles().flat_map(|angle| [angle.cos() as f32; 2]).collect();
         let sines = angles().map(|angle| angle.sin() as f32);
         let across = sines.flat_map(|sin| [-sin, sin]).collect();
-        Self { along, across, max_len, head_dim }
+        Self { along, across, max_len, head_dim, width }
     }
 
     /// Positions there are angles for.
@@ -65,10 +69,10 @@ impl Rope {
     }
 
     /// The factors of a vector at position `t` and of the same with swapped pairs: (cos, cos) and (−sin, sin) of each pair,
-    /// each `[head_dim]`.
+    /// each `[head_dim]` and more, to the end of a vector.
     #[inline(always)]
     pub fn at(&self, t: usize) -> (&[f32], &[f32]) {
-        let row = t * self.head_dim..(t + 1) * self.head_dim;
+        let row = t * self.width..(t + 1) * self.width;
         (&self.along[row.clone()], &self.across[row])
     }
 
@@ -77,7 +81,7 @@ impl Rope {
     pub fn turns(&self, b: usize, places: &[usize], device: &Device) -> [Tensor<5>; 2] {
         let shape = [b, 1, places.len() / b, self.head_dim / 2, 1];
         [&self.along, &self.across].map(|of_features| {
-            let row = |place: &usize| &of_features[place * self.head_dim..][..self.head_dim];
+            let row = |place: &usize| &of_features[place * self.width..][..self.head_dim];
             let values = places.iter().flat_map(|place| row(place).iter().skip(1).step_by(2));
             let values: Vec<f32> = values.copied().collect();
             Tensor::from_data(TensorData::new(values, shape), device)
@@ -105,8 +109,8 @@ mod tests {
         };
         assert!(close(&cos, [3f64.cos(), 0.03f64.cos()]), "{cos:?}");
         assert!(close(&sin, [3f64.sin(), 0.03f64.sin()]), "{sin:?}");
-        assert_eq!(along, [cos[0], cos[0], cos[1], cos[1]]);
-        assert_eq!(across, [-sin[0], sin[0], -sin[1], sin[1]]);
+        assert_eq!(along[..4], [cos[0], cos[0], cos[1], cos[1]]);
+        assert_eq!(across[..4], [-sin[0], sin[0], -sin[1], sin[1]]);
     }
 
     #[test]
@@ -119,7 +123,7 @@ mod tests {
     #[test]
     fn the_first_position_is_left_as_it_is() {
         let rope = Rope::new(2, 8, 10_000.0);
-        assert_eq!(rope.at(0), (&[1.0; 8][..], &[0.0; 8][..]));
+        assert_eq!(rope.at(0), (&[1.0; LANES][..], &[0.0; LANES][..]));
     }
 
     #[test]

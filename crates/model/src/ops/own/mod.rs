@@ -46,6 +46,7 @@ use buffers::{contiguous, elements};
 pub use detached::{AdamWStep, adamw, head_nll, nearest, sum_of_squares};
 pub use feed_forward::{FeedForward, SwiGlu};
 pub use head::HeadLoss;
+pub use lanes::LANES;
 pub use rows::{RmsNorm, SelectRows};
 pub use vectors::vectors;
 

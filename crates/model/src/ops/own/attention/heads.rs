@@ -166,10 +166,11 @@ impl HeadRows {
         self.columns.is_multiple_of(LANES)
     }
 
-    /// Row `t`.
+    /// Row `t`, and if it is not `WHOLE` vectors all that comes after it, so that vectors are read whole.
     #[inline(always)]
-    fn row(self, values: &[f32], t: usize) -> &[f32] {
-        &values[self.start + t * self.stride..][..self.columns]
+    fn row<const WHOLE: bool>(self, values: &[f32], t: usize) -> &[f32] {
+        let row = &values[self.start + t * self.stride..];
+        if WHOLE { &row[..self.columns] } else { row }
     }
 
     /// Row `t`.
@@ -179,14 +180,13 @@ impl HeadRows {
     }
 }
 
-/// The vector of a row from column `j` on; if the row does not end with a whole one, with zeros
-/// after its end.
+/// The vector of a row from column `j` on; with zeros after the end of `row`, if that comes first.
 #[inline(always)]
 fn read<L: Lanes, const WHOLE: bool>(row: &[f32], j: usize) -> L {
     L::read(&row[j..end::<WHOLE>(row, j)])
 }
 
-/// The inverse of [`read`].
+/// Writes a vector to a row from column `j` on, or as much of the vector as there are columns.
 #[inline(always)]
 fn write<L: Lanes, const WHOLE: bool>(row: &mut [f32], j: usize, vector: L) {
     let end = end::<WHOLE>(row, j);
@@ -239,12 +239,12 @@ fn rotate_as<L: Lanes, const WHOLE: bool>(
     scale: f32,
 ) {
     for (i, t) in rows.enumerate() {
-        let (to, from) = (to.row_mut(i), place.row(values, t));
+        let (to, from) = (to.row_mut(i), place.row::<WHOLE>(values, t));
         let angles = angles.map(|angles| angles.at(t));
         for j in (0..place.columns).step_by(LANES) {
             let mut x = read::<L, WHOLE>(from, j);
             if let Some((along, across)) = angles {
-                x = turn(x, read::<L, WHOLE>(along, j), read::<L, WHOLE>(across, j));
+                x = turn(x, read::<L, true>(along, j), read::<L, true>(across, j));
             }
             write::<L, true>(to, j, x.mul(L::splat(scale)));
         }
@@ -282,8 +282,8 @@ fn rotate_back_as<L: Lanes, const WHOLE: bool>(
         for j in (0..place.columns).step_by(LANES) {
             let mut x = read::<L, true>(from, j);
             if let Some((along, across)) = angles {
-                let across = L::splat(0.0).sub(read::<L, WHOLE>(across, j));
-                x = turn(x, read::<L, WHOLE>(along, j), across);
+                let across = L::splat(0.0).sub(read::<L, true>(across, j));
+                x = turn(x, read::<L, true>(along, j), across);
             }
             write::<L, WHOLE>(to, j, x.mul(L::splat(scale)));
         }

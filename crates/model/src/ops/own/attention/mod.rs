@@ -12,7 +12,7 @@ use std::ops::Range;
 use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, dims, elements, elements_mut, part, part_mut};
-use super::lanes::{LANES, Lanes};
+use super::lanes::Lanes;
 use super::matmul::{Target, multiply, multiply_transposed, transposed};
 use super::panels::{Panels, View};
 use super::rows::{rms_norm, rms_norm_again, rms_norm_back};
