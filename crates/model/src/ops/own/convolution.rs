@@ -6,8 +6,10 @@ use std::ops::Range;
 use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, chunks, dims, elements, part, part_mut};
+use super::lanes::LANES;
 use super::matmul::{Target, multiply, multiply_transposed};
 use super::panels::{Panels, View};
+use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};
 use crate::ops::{Convolution, Taps};
 
@@ -69,8 +71,7 @@ impl<'a> Reading<'a> {
     fn give_back(&self, rows: &Range<usize>, by_taps: &[f32], by_x: &mut [f32]) {
         for (&source, from) in self.sources(rows).iter().zip(by_taps.chunks_exact(self.c)) {
             let Some(row) = source else { continue };
-            let to = &mut by_x[row * self.c..][..self.c];
-            to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+            add_rows(&mut by_x[row * self.c..][..self.c], from);
         }
     }
 }
@@ -107,9 +108,7 @@ impl Operation<3> for Convolution {
         let (mut room, mut panels) = (Buffer::new(CHUNK * kc), Panels::default());
         for rows in chunks(reading.rows_out(), CHUNK) {
             let (count, change) = (rows.len(), part(elements(&gradient), &rows, o));
-            for row in change.chunks_exact(o) {
-                by_bias.iter_mut().zip(row).for_each(|(to, from)| *to += from);
-            }
+            add_rows(&mut by_bias, change);
             let (taps, change) =
                 (View::new(reading.of(&rows, &mut room), kc), View::new(change, o));
             let target = Target::new(&mut by_weight, o);
@@ -128,6 +127,17 @@ impl Operation<3> for Convolution {
         }
         let by_x = by_x.map(|by_x| by_x.into_tensor(dims(&inputs[0])));
         [by_x, Some(by_weight.into_tensor([kc, o])), Some(by_bias.into_tensor([o]))]
+    }
+}
+
+vectorised! {
+    /// Adds rows to a row, one after another.
+    fn add_rows(to: &mut [f32], rows: &[f32]) {
+        for row in rows.chunks_exact(to.len()) {
+            for (to, from) in to.chunks_mut(LANES).zip(row.chunks(LANES)) {
+                L::read(to).add(L::read(from)).write(to);
+            }
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, chunks, dims, elements, elements_mut, part, part_mut};
 use super::lanes::{LANES, Lanes};
-use super::matmul::{Target, multiply, multiply_transposed, transposed};
+use super::matmul::{Target, multiply, multiply_transposed, prefetch, transposed};
 use super::panels::{Panels, View};
 use super::rows::{exp, rms_norm, rms_norm_again, rms_norm_back, sigmoid};
 use super::vectors::vectorised;
@@ -16,6 +16,9 @@ use crate::ops::Activation;
 
 /// Rows of a chunk: whole tiles of any kind.
 const CHUNK: usize = 132;
+
+/// Elements between what the backward pass reads and what it fetches for later: kept products have long left the cache.
+const AHEAD: usize = 512;
 
 /// The feed-forward half of a block, of x `[n, d]`, γ, W_up `[d, u]` and W_down `[f, d]`, where u is 2 f
 /// or f, as the activation wants; see [`Kernels::feed_forward`](crate::ops::Kernels::feed_forward).
@@ -120,6 +123,7 @@ vectorised! {
     /// The gradient by `[gate | up]`, into `change`; turns that by the output into the output.
     fn swiglu_back(gate_up: &[f32], f: usize, change: &mut [f32], output: &mut [f32]) {
         let rows = gate_up.chunks_exact(2 * f).zip(change.chunks_exact_mut(2 * f));
+        let ahead = AHEAD.next_multiple_of(2 * f);
         for ((row, change), output) in rows.zip(output.chunks_exact_mut(f)) {
             let ((gate, up), (by_gate, by_up)) = (row.split_at(f), change.split_at_mut(f));
             let from = gate.chunks(LANES).zip(up.chunks(LANES));
@@ -127,6 +131,8 @@ vectorised! {
             for (((gate, up), (by_gate, by_up)), output) in
                 from.zip(to).zip(output.chunks_mut(LANES))
             {
+                prefetch(gate.as_ptr().wrapping_add(ahead));
+                prefetch(up.as_ptr().wrapping_add(ahead));
                 let operands = [L::read(gate), L::read(up), L::read(output)];
                 let by = swiglu_gradients(operands);
                 by[0].write(by_gate);

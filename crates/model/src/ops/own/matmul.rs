@@ -213,7 +213,7 @@ fn tiles<L: Lanes, const R: usize, const V: usize, const W: usize>(
 
 /// Asks for the line of the cache that `place` lies in, if there is such a place.
 #[inline(always)]
-fn prefetch(place: *const f32) {
+pub fn prefetch(place: *const f32) {
     #[cfg(target_arch = "x86_64")]
     // SAFETY: a hint, which reads nothing that the program sees, wherever it points.
     unsafe {
