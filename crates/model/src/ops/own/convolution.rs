@@ -7,7 +7,7 @@ use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, chunks, dims, elements, part, part_mut};
 use super::lanes::LANES;
-use super::matmul::{Target, multiply, multiply_transposed};
+use super::matmul::{Start, Target, multiply, multiply_transposed};
 use super::panels::{Panels, View};
 use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};
@@ -90,8 +90,8 @@ impl Operation<3> for Convolution {
         for rows in chunks(n, CHUNK) {
             let taps = reading.of(&rows, &mut room);
             let output = part_mut(&mut output, &rows, o);
-            output.chunks_exact_mut(o).for_each(|row| row.copy_from_slice(bias));
-            multiply(Target::new(output, o), rows.len(), View::new(taps, kc), &panels, true);
+            let (target, taps) = (Target::new(output, o), View::new(taps, kc));
+            multiply(target, rows.len(), taps, &panels, Start::Rows(bias, 0));
         }
         (output.into_tensor([n, o]), keep.then(|| inputs.clone()))
     }
@@ -116,9 +116,9 @@ impl Operation<3> for Convolution {
             let Some(by_x) = &mut by_x else { continue };
             if self.taps == Taps::Point {
                 let by_x = part_mut(by_x, &rows, kc);
-                multiply(Target::new(by_x, kc), count, change, &back, false);
+                multiply(Target::new(by_x, kc), count, change, &back, Start::Zero);
             } else {
-                multiply(Target::new(&mut room, kc), count, change, &back, false);
+                multiply(Target::new(&mut room, kc), count, change, &back, Start::Zero);
                 reading.give_back(&rows, &room, by_x);
             }
         }

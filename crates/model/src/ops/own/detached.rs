@@ -8,7 +8,7 @@ use burn_flex::FlexTensor;
 use super::HeadLoss;
 use super::buffers::{Buffer, contiguous, dims, elements, elements_mut, tensor};
 use super::lanes::{LANES, Lanes};
-use super::matmul::{Target, multiply};
+use super::matmul::{Start, Target, multiply};
 use super::panels::{Panels, View};
 use super::rows::dot;
 use super::vectors::vectorised;
@@ -171,7 +171,7 @@ fn nearest_codes(latents: &[f32], codes: &[f32], c: usize) -> Vec<u32> {
         for (block, halves) in halves.chunks(BLOCK).enumerate() {
             let codes = View::new(codes, c).skip_rows(block * BLOCK);
             let products = &mut products[..halves.len() * stride];
-            multiply(Target::new(products, stride), halves.len(), codes, &panels, false);
+            multiply(Target::new(products, stride), halves.len(), codes, &panels, Start::Zero);
             take_block(products, (block * BLOCK) as u32, halves, &mut best);
         }
         ids.extend(&best.id[..n]);

@@ -7,7 +7,7 @@ use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, chunks, dims, elements, elements_mut, part, part_mut};
 use super::lanes::{LANES, Lanes};
-use super::matmul::{Target, multiply, multiply_transposed, prefetch, transposed};
+use super::matmul::{Start, Target, multiply, multiply_transposed, prefetch, transposed};
 use super::panels::{Panels, View};
 use super::rows::{exp, rms_norm, rms_norm_again, rms_norm_back, sigmoid};
 use super::vectors::vectorised;
@@ -55,14 +55,14 @@ impl Operation<4> for FeedForward {
             rms_norm(part(x, &rows, d), gamma, self.epsilon, &mut normed, inverses);
             let kept = if keep { rows.clone() } else { 0..count };
             let before = part_mut(&mut before, &kept, u);
-            multiply(Target::new(before, u), count, View::new(&normed, d), &up, false);
+            multiply(Target::new(before, u), count, View::new(&normed, d), &up, Start::Zero);
             match self.activation {
                 Activation::SwiGlu => swiglu(before, f, &mut hidden),
                 Activation::Gelu => gelu(before, &mut hidden),
             }
             let output = part_mut(&mut output, &rows, d);
-            output.copy_from_slice(part(x, &rows, d));
-            multiply(Target::new(output, d), count, View::new(&hidden, f), &down, true);
+            let (target, from) = (Target::new(output, d), Start::Rows(part(x, &rows, d), d));
+            multiply(target, count, View::new(&hidden, f), &down, from);
         }
         let kept = || (inputs.clone(), Intermediates { inverses, before });
         (output.into_tensor([n, d]), keep.then(kept))
@@ -82,7 +82,7 @@ impl Operation<4> for FeedForward {
             let (count, inverses) = (rows.len(), &kept.inverses[rows.clone()]);
             let (x, by_x) = (part(x, &rows, d), part_mut(by_x, &rows, d));
             let before = part(&kept.before, &rows, u);
-            multiply(Target::new(&mut hidden, f), count, View::new(by_x, d), &down, false);
+            multiply(Target::new(&mut hidden, f), count, View::new(by_x, d), &down, Start::Zero);
             match self.activation {
                 Activation::SwiGlu => swiglu_back(before, f, &mut by_before, &mut hidden),
                 Activation::Gelu => gelu_back(before, &mut by_before, &mut hidden),
@@ -94,7 +94,7 @@ impl Operation<4> for FeedForward {
             let (input, change) = (View::new(&normed, d), View::new(&by_before, u));
             let target = Target::new(&mut by_up, d);
             multiply_transposed(target, (u, d), change, input, &rows, &mut panels);
-            multiply(Target::new(&mut normed, d), count, change, &up, false);
+            multiply(Target::new(&mut normed, d), count, change, &up, Start::Zero);
             rms_norm_back(&mut normed, x, gamma, inverses, &mut by_gamma, by_x);
         }
         drop(inputs);

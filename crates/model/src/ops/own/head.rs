@@ -12,7 +12,7 @@ use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, chunks, contiguous, elements, part, part_mut, tensor};
 use super::lanes::{LANES, Lanes};
-use super::matmul::{Target, multiply_part, multiply_transposed};
+use super::matmul::{Start, Target, multiply_part, multiply_transposed};
 use super::panels::{Panels, View};
 use super::rows::{exp, max, rms_norm, rms_norm_back, sum_of_exp};
 use super::vectors::vectorised;
@@ -162,7 +162,15 @@ impl Head<'_> {
             let start = if keep { block.start * count } else { 0 };
             let logits = &mut logits[start..][..count * stride(&block)];
             let target = Target::new(logits, stride(&block));
-            multiply_part(target, count, View::new(normed, d), panels, block.clone(), 0..d, false);
+            multiply_part(
+                target,
+                count,
+                View::new(normed, d),
+                panels,
+                block.clone(),
+                0..d,
+                Start::Zero,
+            );
             add_block(logits, block, &self.targets[rows.clone()], sums, !keep);
         }
     }
@@ -179,8 +187,8 @@ impl Head<'_> {
             gradient_block(logits, block.clone(), &self.targets[rows.clone()], sums, scale);
             let by_logits = View::new(logits, stride(&block));
             let target = Target::new(&mut change, d);
-            let add = block.start > 0;
-            multiply_part(target, count, by_logits, back, 0..d, block.clone(), add);
+            let start = if block.start > 0 { Start::Target } else { Start::Zero };
+            multiply_part(target, count, by_logits, back, 0..d, block.clone(), start);
             let target = Target::new(&mut by_weight[block.start..], v);
             let (size, normed) = ((d, block.len()), View::new(normed, d));
             multiply_transposed(target, size, normed, by_logits, rows, panels);

@@ -8,6 +8,7 @@
 //! While a tile is computed, the next panel and the next tile of the result are prefetched.
 
 use std::ops::Range;
+use std::slice;
 use std::sync::atomic::{Ordering, compiler_fence};
 
 use super::buffers::Buffer;
@@ -64,13 +65,42 @@ impl<'a> Target<'a> {
     }
 }
 
-/// `target = left right`, or `target += left right` where `add` says so, for `rows` rows.
-pub fn multiply(target: Target<'_>, rows: usize, left: View<'_>, right: &Panels, add: bool) {
-    multiply_part(target, rows, left, right, 0..right.columns(), 0..right.inner(), add);
+/// What a product is added to.
+#[derive(Clone, Copy)]
+pub enum Start<'a> {
+    Zero,
+    /// What the target holds.
+    Target,
+    /// Rows of a matrix, so many elements apart; of one row again and again if that is 0.
+    Rows(&'a [f32], usize),
 }
 
-/// As [`multiply`], by the columns and inner rows of `right` alone that are given; `left` and
-/// `target` start at the first of them, which must be the first of a vector.
+impl Start<'_> {
+    /// Sees that there are so many rows and columns.
+    fn check(&self, rows: usize, columns: usize) {
+        if let Self::Rows(values, stride) = *self {
+            let end = (rows.max(1) - 1) * stride + columns;
+            assert!(end <= values.len(), "{rows} x {columns} elements to start from are not there");
+        }
+    }
+
+    /// Where element (i, j) lies, if there is one, and the elements from row to row: see [`Start::check`].
+    #[inline(always)]
+    fn place(&self, target: &mut Target<'_>, i: usize, j: usize) -> (*const f32, usize) {
+        match *self {
+            Self::Zero | Self::Target => (target.place(i, j).cast_const(), target.stride),
+            Self::Rows(values, stride) => (values.as_ptr().wrapping_add(i * stride + j), stride),
+        }
+    }
+}
+
+/// `target = start + left right`, for `rows` rows.
+pub fn multiply(target: Target<'_>, rows: usize, left: View<'_>, right: &Panels, start: Start<'_>) {
+    multiply_part(target, rows, left, right, 0..right.columns(), 0..right.inner(), start);
+}
+
+/// As [`multiply`], by the columns and inner rows of `right` alone that are given; `left`, `target` and `start` begin
+/// at the first of them, which must be the first of a vector.
 pub fn multiply_part(
     target: Target<'_>,
     rows: usize,
@@ -78,13 +108,13 @@ pub fn multiply_part(
     right: &Panels,
     columns: Range<usize>,
     inner: Range<usize>,
-    add: bool,
+    start: Start<'_>,
 ) {
-    let start = columns.start;
-    assert!(start.is_multiple_of(LANES), "column {start} starts no vector");
+    assert!(columns.start.is_multiple_of(LANES), "column {} starts no vector", columns.start);
     left.check(rows, inner.len());
     target.check(rows, columns.len());
-    blocks(target, rows, left, right, columns, inner, add);
+    start.check(rows, columns.len());
+    blocks(target, rows, left, right, columns, inner, start);
 }
 
 /// `target = leftᵀ right` over the rows `inner` of a batch, or `target += leftᵀ right` but for its first rows. Both
@@ -104,7 +134,8 @@ pub fn multiply_transposed(
         let depth = DEPTH.min(inner - first);
         panels.pack(right.skip_rows(first), depth, columns);
         let left = left.skip_rows(first).transposed();
-        multiply(target.reborrow(), rows, left, panels, start + first > 0);
+        let from = if start + first > 0 { Start::Target } else { Start::Zero };
+        multiply(target.reborrow(), rows, left, panels, from);
     }
 }
 
@@ -130,14 +161,14 @@ vectorised! {
         right: &Panels,
         columns: Range<usize>,
         inner: Range<usize>,
-        add: bool,
+        start: Start<'_>,
     ) {
         let mut target = target;
         let of = (&mut target, rows, left, right);
         match L::TILE {
-            Tile::SixByFour => tiles::<L, 6, 4, 64>(of, columns, inner, add),
-            Tile::SixByOne => tiles::<L, 6, 1, 16>(of, columns, inner, add),
-            Tile::FourByOne => tiles::<L, 4, 1, 16>(of, columns, inner, add),
+            Tile::SixByFour => tiles::<L, 6, 4, 64>(of, columns, inner, start),
+            Tile::SixByOne => tiles::<L, 6, 1, 16>(of, columns, inner, start),
+            Tile::FourByOne => tiles::<L, 4, 1, 16>(of, columns, inner, start),
         }
     }
 }
@@ -148,7 +179,7 @@ fn tiles<L: Lanes, const R: usize, const V: usize, const W: usize>(
     (target, rows, left, right): (&mut Target<'_>, usize, View<'_>, &Panels),
     columns: Range<usize>,
     inner: Range<usize>,
-    add: bool,
+    start: Start<'_>,
 ) {
     // A tile of four vectors reads the left operand a quarter as often.
     let copies = left.is_transposed() && columns.len() >= if V == 1 { 96 } else { 256 };
@@ -159,7 +190,8 @@ fn tiles<L: Lanes, const R: usize, const V: usize, const W: usize>(
         let copied = if copies { block.start } else { block.end - block.len() % R };
         for first in inner.clone().step_by(DEPTH) {
             let depth = first..inner.end.min(first + DEPTH);
-            let (add, left) = (add || first > inner.start, left.skip_columns(first - inner.start));
+            let start = if first > inner.start { Start::Target } else { start };
+            let left = left.skip_columns(first - inner.start);
             if copied < block.end {
                 left.copy_tiles::<R>(copied..block.end, depth.len(), &mut copy);
             }
@@ -184,7 +216,7 @@ fn tiles<L: Lanes, const R: usize, const V: usize, const W: usize>(
                             Rows { first, row: 1, inner: R },
                             panel,
                             &mut edge,
-                            add,
+                            start,
                         );
                     } else if left.is_transposed() {
                         let (first, inner) = (left.place(row, 0), left.column_stride());
@@ -193,7 +225,7 @@ fn tiles<L: Lanes, const R: usize, const V: usize, const W: usize>(
                             Rows { first, row: 1, inner },
                             panel,
                             &mut edge,
-                            add,
+                            start,
                         );
                     } else {
                         let (first, row) = (left.place(row, 0), left.row_stride());
@@ -202,7 +234,7 @@ fn tiles<L: Lanes, const R: usize, const V: usize, const W: usize>(
                             Rows { first, row, inner: 1 },
                             panel,
                             &mut edge,
-                            add,
+                            start,
                         );
                     }
                 }
@@ -236,36 +268,44 @@ struct Rows {
 
 /// The tile at a place of the result, of at most `R` rows and `V` vectors.
 ///
-/// `left` has `R` rows, and as many inner elements as `panel`, of `W` columns, has rows. A smaller tile is computed in
-/// `edge` as a whole one.
+/// `left` has `R` rows, and as many inner elements as `panel`, of `W` columns, has rows. A tile of fewer rows, or
+/// of columns that are no whole vectors, is computed in `edge`.
 #[inline(always)]
 fn tile<L: Lanes, const R: usize, const V: usize, const W: usize>(
     (target, (i, j), (rows, columns)): (&mut Target<'_>, (usize, usize), (usize, usize)),
     left: Rows,
     panel: &[f32],
     edge: &mut [[f32; W]; R],
-    add: bool,
+    start: Start<'_>,
 ) {
-    let is_whole = (rows, columns) == (R, V * LANES);
+    let is_full = columns == V * LANES;
+    let is_whole = rows == R && (is_full || V > 1 && columns.is_multiple_of(LANES));
     let (to, stride) = if is_whole {
-        let (to, stride) = (target.place(i, j), target.stride);
+        (target.place(i, j), target.stride)
+    } else {
+        (edge.as_flattened_mut().as_mut_ptr(), W)
+    };
+    // A narrower target is as short, and in the cache.
+    if is_whole && is_full {
         for next in (0..R).flat_map(|r| (0..V).map(move |v| (R + r) * stride + v * LANES)) {
             prefetch(to.wrapping_add(next));
         }
-        (to, stride)
-    } else {
+    }
+    let (add, mut from) = (!matches!(start, Start::Zero), start.place(target, i, j));
+    if !is_whole {
         for (r, row) in edge.iter_mut().take(if add { rows } else { 0 }).enumerate() {
-            copy::<L>(target.row(i + r, j, columns), row);
+            // SAFETY: `multiply` has checked.
+            copy::<L>(unsafe { slice::from_raw_parts(from.0.add(r * from.1), columns) }, row);
         }
-        (edge.as_flattened_mut().as_mut_ptr(), W)
-    };
+        from = (to.cast_const(), W);
+    }
     // SAFETY: `multiply` has checked, and `edge` has room.
     unsafe {
         match columns.div_ceil(LANES) {
-            1 if V > 1 => accumulate::<L, R, 1, W>(to, stride, left, panel, add),
-            2 if V > 2 => accumulate::<L, R, 2, W>(to, stride, left, panel, add),
-            3 if V > 3 => accumulate::<L, R, 3, W>(to, stride, left, panel, add),
-            _ => accumulate::<L, R, V, W>(to, stride, left, panel, add),
+            1 if V > 1 => accumulate::<L, R, 1, W>((to, stride), from, left, panel, add),
+            2 if V > 2 => accumulate::<L, R, 2, W>((to, stride), from, left, panel, add),
+            3 if V > 3 => accumulate::<L, R, 3, W>((to, stride), from, left, panel, add),
+            _ => accumulate::<L, R, V, W>((to, stride), from, left, panel, add),
         }
     }
     if !is_whole {
@@ -283,26 +323,28 @@ fn copy<L: Lanes>(from: &[f32], to: &mut [f32]) {
     }
 }
 
-/// Writes the sums of a whole tile, or adds them, to the rows at `to`, `stride` elements apart.
+/// Writes the sums of a whole tile, or adds them to the rows at `from`, to the rows at `to`; each with the elements from
+/// row to row.
 ///
 /// # Safety
 ///
-/// There must be `R` rows of `V` vectors there, as many rows of `left`, as many vectors in a row of `panel`, and an
+/// There must be `R` rows of `V` vectors at both, as many rows of `left`, as many vectors in a row of `panel`, and an
 /// inner element of `left` for each row of `panel`.
 #[inline(always)]
 unsafe fn accumulate<L: Lanes, const R: usize, const V: usize, const W: usize>(
-    to: *mut f32,
-    stride: usize,
+    (to, stride): (*mut f32, usize),
+    from: (*const f32, usize),
     mut left: Rows,
     panel: &[f32],
     add: bool,
 ) {
     let mut sums = [[L::splat(0.0); V]; R];
     if add {
+        let (from, stride) = from;
         for (r, sums) in sums.iter_mut().enumerate() {
             for (v, sum) in sums.iter_mut().enumerate() {
                 // SAFETY: the caller's promise.
-                *sum = L::load(unsafe { &*to.add(r * stride + v * LANES).cast() });
+                *sum = L::load(unsafe { &*from.add(r * stride + v * LANES).cast() });
             }
         }
     }

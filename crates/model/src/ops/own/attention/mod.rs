@@ -13,7 +13,7 @@ use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, dims, elements, elements_mut, part, part_mut};
 use super::lanes::Lanes;
-use super::matmul::{Target, multiply, multiply_transposed, transposed};
+use super::matmul::{Start, Target, multiply, multiply_transposed, transposed};
 use super::panels::{Panels, View};
 use super::rows::{rms_norm, rms_norm_again, rms_norm_back};
 use super::small_matrices::tile_rows;
@@ -166,11 +166,11 @@ impl Operation<4> for AttentionOptions {
             let inverses = &mut inverses[rows.clone()];
             rms_norm(part(x, &rows, d), gamma, self.epsilon, &mut normed, inverses);
             let target = Target::new(part_mut(&mut qkv, &rows, 3 * d), 3 * d);
-            multiply(target, rows.len(), View::new(&normed, d), &into_qkv, false);
+            multiply(target, rows.len(), View::new(&normed, d), &into_qkv, Start::Zero);
             attend(&qkv, heads, sequences, &mut mixed, keep, &mut room, &mut work);
             let (output, mixed) = (part_mut(&mut output, &rows, d), part(&mixed, &rows, d));
-            output.copy_from_slice(part(x, &rows, d));
-            multiply(Target::new(output, d), rows.len(), View::new(mixed, d), &out_of, true);
+            let (target, from) = (Target::new(output, d), Start::Rows(part(x, &rows, d), d));
+            multiply(target, rows.len(), View::new(mixed, d), &out_of, from);
         }
         let kept = || (inputs.clone(), Intermediates { inverses, qkv, statistics, mixed });
         (output.into_tensor([n, d]), keep.then(kept))
@@ -194,7 +194,7 @@ impl Operation<4> for AttentionOptions {
             let (mixed, change) = (View::new(part(&kept.mixed, &rows, d), d), View::new(by_x, d));
             let target = Target::new(&mut by_output, d);
             multiply_transposed(target, (d, d), mixed, change, &rows, &mut panels);
-            multiply(Target::new(&mut normed, d), count, change, &out_of, false);
+            multiply(Target::new(&mut normed, d), count, change, &out_of, Start::Zero);
             // Read in one go here, and never written: it has long left the cache.
             let by_qkv = &mut by_qkv[..count * 3 * d];
             by_qkv.copy_from_slice(part(&kept.qkv, &rows, 3 * d));
@@ -204,7 +204,7 @@ impl Operation<4> for AttentionOptions {
             let change = View::new(by_qkv, 3 * d);
             let (target, input) = (Target::new(&mut by_weight, d), View::new(&normed, d));
             multiply_transposed(target, (3 * d, d), change, input, &rows, &mut panels);
-            multiply(Target::new(&mut normed, d), count, change, &into_qkv, false);
+            multiply(Target::new(&mut normed, d), count, change, &into_qkv, Start::Zero);
             rms_norm_back(&mut normed, x, gamma, inverses, &mut by_gamma, by_x);
         }
         drop(inputs);
