@@ -7,8 +7,8 @@ use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, chunks, dims, elements, elements_mut, part, part_mut};
 use super::lanes::{LANES, Lanes};
-use super::matmul::{Start, Target, multiply, multiply_transposed, prefetch, transposed};
-use super::panels::{Panels, View};
+use super::matmul::{Start, Target, multiply, multiply_transposed, prefetch};
+use super::panels::{Panels, View, transposed};
 use super::rows::{exp, rms_norm, rms_norm_again, rms_norm_back, sigmoid};
 use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};

@@ -161,16 +161,8 @@ impl Head<'_> {
         for block in self.blocks() {
             let start = if keep { block.start * count } else { 0 };
             let logits = &mut logits[start..][..count * stride(&block)];
-            let target = Target::new(logits, stride(&block));
-            multiply_part(
-                target,
-                count,
-                View::new(normed, d),
-                panels,
-                block.clone(),
-                0..d,
-                Start::Zero,
-            );
+            let (target, normed) = (Target::new(logits, stride(&block)), View::new(normed, d));
+            multiply_part(target, count, normed, panels, block.clone(), 0..d, Start::Zero);
             add_block(logits, block, &self.targets[rows.clone()], sums, !keep);
         }
     }

@@ -93,6 +93,20 @@ impl<'a> View<'a> {
     }
 }
 
+/// The columns of `matrix`, `columns` of them, as rows.
+pub fn transposed(matrix: &[f32], columns: usize) -> Buffer {
+    let rows = matrix.len() / columns;
+    let mut output = Buffer::new(matrix.len());
+    for first in (0..rows).step_by(LANES) {
+        for (j, column) in output.chunks_exact_mut(rows).enumerate() {
+            for (i, to) in (first..rows).zip(&mut column[first..rows.min(first + LANES)]) {
+                *to = matrix[i * columns + j];
+            }
+        }
+    }
+    output
+}
+
 /// The right operand of a product: panels of as many columns as a tile of this machine has, row after row, the last
 /// panel filled up with zeros.
 #[derive(Default)]

@@ -13,8 +13,8 @@ use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, dims, elements, elements_mut, part, part_mut};
 use super::lanes::Lanes;
-use super::matmul::{Start, Target, multiply, multiply_transposed, transposed};
-use super::panels::{Panels, View};
+use super::matmul::{Start, Target, multiply, multiply_transposed};
+use super::panels::{Panels, View, transposed};
 use super::rows::{rms_norm, rms_norm_again, rms_norm_back};
 use super::small_matrices::tile_rows;
 use super::vectors::vectorised;

@@ -105,11 +105,8 @@ pub fn differentiate<L: Lanes>(
     let (visible, head_dim) = (sight.visible_in_tile::<L>(first), sight.head_dim());
     let tile = Tile { first, visible: sight.visible_by_row::<L>(first) };
     work.scores::<L>(sight, first, first);
-    softmax_again::<L>(
-        &mut work.weights,
-        tile,
-        Statistics::take(sight.rows::<L>(first).len(), kept),
-    );
+    let statistics = Statistics::take(sight.rows::<L>(first).len(), kept);
+    softmax_again::<L>(&mut work.weights, tile, statistics);
     let by_weight = Span { inner: 0..head_dim, columns: visible };
     let output = work.output.plain().skip_rows(first);
     block::<L, _>(&mut work.grad_scores, first, output, &work.values_across, by_weight);
