@@ -6,10 +6,9 @@ use std::ops::Range;
 use burn_flex::FlexTensor;
 
 use super::buffers::{Buffer, chunks, dims, elements, part, part_mut};
-use super::lanes::LANES;
 use super::matmul::{Start, Target, multiply, multiply_transposed};
 use super::panels::{Panels, View};
-use super::vectors::vectorised;
+use super::rows::add_rows;
 use super::{Above, Gradients, Operation};
 use crate::ops::{Convolution, Taps};
 
@@ -91,7 +90,7 @@ impl Operation<3> for Convolution {
             let taps = reading.of(&rows, &mut room);
             let output = part_mut(&mut output, &rows, o);
             let (target, taps) = (Target::new(output, o), View::new(taps, kc));
-            multiply(target, rows.len(), taps, &panels, Start::Rows(bias, 0));
+            multiply(target, rows.len(), taps, &panels, Start::Rows(View::new(bias, 0)));
         }
         (output.into_tensor([n, o]), keep.then(|| inputs.clone()))
     }
@@ -127,17 +126,6 @@ impl Operation<3> for Convolution {
         }
         let by_x = by_x.map(|by_x| by_x.into_tensor(dims(&inputs[0])));
         [by_x, Some(by_weight.into_tensor([kc, o])), Some(by_bias.into_tensor([o]))]
-    }
-}
-
-vectorised! {
-    /// Adds rows to a row, one after another.
-    fn add_rows(to: &mut [f32], rows: &[f32]) {
-        for row in rows.chunks_exact(to.len()) {
-            for (to, from) in to.chunks_mut(LANES).zip(row.chunks(LANES)) {
-                L::read(to).add(L::read(from)).write(to);
-            }
-        }
     }
 }
 

@@ -61,7 +61,8 @@ impl Operation<4> for FeedForward {
                 Activation::Gelu => gelu(before, &mut hidden),
             }
             let output = part_mut(&mut output, &rows, d);
-            let (target, from) = (Target::new(output, d), Start::Rows(part(x, &rows, d), d));
+            let (target, from) =
+                (Target::new(output, d), Start::Rows(View::new(part(x, &rows, d), d)));
             multiply(target, count, View::new(&hidden, f), &down, from);
         }
         let kept = || (inputs.clone(), Intermediates { inverses, before });

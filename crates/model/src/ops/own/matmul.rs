@@ -71,16 +71,16 @@ pub enum Start<'a> {
     Zero,
     /// What the target holds.
     Target,
-    /// Rows of a matrix, so many elements apart; of one row again and again if that is 0.
-    Rows(&'a [f32], usize),
+    /// A matrix of rows in one piece each, or of one row again and again, 0 elements apart.
+    Rows(View<'a>),
 }
 
 impl Start<'_> {
     /// Sees that there are so many rows and columns.
     fn check(&self, rows: usize, columns: usize) {
-        if let Self::Rows(values, stride) = *self {
-            let end = (rows.max(1) - 1) * stride + columns;
-            assert!(end <= values.len(), "{rows} x {columns} elements to start from are not there");
+        if let Self::Rows(matrix) = self {
+            assert_eq!(matrix.column_stride(), 1, "rows to start from lie in one piece each");
+            matrix.check(rows, columns);
         }
     }
 
@@ -89,7 +89,7 @@ impl Start<'_> {
     fn place(&self, target: &mut Target<'_>, i: usize, j: usize) -> (*const f32, usize) {
         match *self {
             Self::Zero | Self::Target => (target.place(i, j).cast_const(), target.stride),
-            Self::Rows(values, stride) => (values.as_ptr().wrapping_add(i * stride + j), stride),
+            Self::Rows(matrix) => (matrix.place(i, j), matrix.row_stride()),
         }
     }
 }

@@ -74,6 +74,17 @@ pub fn sum_of_exp<L: Lanes>(x: &[f32], shift: f32) -> f32 {
     sum.sum()
 }
 
+vectorised! {
+    /// Adds rows to a row, one after another.
+    pub fn add_rows(to: &mut [f32], rows: &[f32]) {
+        for row in rows.chunks_exact(to.len()) {
+            for (to, from) in to.chunks_mut(LANES).zip(row.chunks(LANES)) {
+                L::read(to).add(L::read(from)).write(to);
+            }
+        }
+    }
+}
+
 // RMSNorm.
 
 vectorised! {
@@ -222,9 +233,7 @@ impl Operation<1> for SelectRows {
     fn backward(&self, [m, d]: Self::Kept, (gradient, _): Above<1>) -> Gradients<1> {
         let mut by_x = Buffer::zeros(m * d);
         for (&row, from) in self.0.iter().zip(elements(&gradient).chunks_exact(d)) {
-            for (to, from) in by_x[row as usize * d..][..d].iter_mut().zip(from) {
-                *to += from;
-            }
+            add_rows(&mut by_x[row as usize * d..][..d], from);
         }
         [Some(by_x.into_tensor([m, d]))]
     }

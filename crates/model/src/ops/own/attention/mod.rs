@@ -169,7 +169,8 @@ impl Operation<4> for AttentionOptions {
             multiply(target, rows.len(), View::new(&normed, d), &into_qkv, Start::Zero);
             attend(&qkv, heads, sequences, &mut mixed, keep, &mut room, &mut work);
             let (output, mixed) = (part_mut(&mut output, &rows, d), part(&mixed, &rows, d));
-            let (target, from) = (Target::new(output, d), Start::Rows(part(x, &rows, d), d));
+            let (target, from) =
+                (Target::new(output, d), Start::Rows(View::new(part(x, &rows, d), d)));
             multiply(target, rows.len(), View::new(mixed, d), &out_of, from);
         }
         let kept = || (inputs.clone(), Intermediates { inverses, qkv, statistics, mixed });
