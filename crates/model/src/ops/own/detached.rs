@@ -129,11 +129,12 @@ impl Detached for Flex {
         second: FlexTensor,
         step: AdamWStep,
     ) -> (FlexTensor, FlexTensor, FlexTensor) {
-        let [mut value, gradient, mut first, mut second] =
+        let [value, mut gradient, mut first, mut second] =
             [value, gradient, first, second].map(contiguous);
         let moments = (elements_mut(&mut first), elements_mut(&mut second));
-        step_all(elements_mut(&mut value), elements(&gradient), moments.0, moments.1, step);
-        (value, first, second)
+        step_all(elements(&value), elements_mut(&mut gradient), moments.0, moments.1, step);
+        // The value is the model's too until all of its parameters are new.
+        (gradient, first, second)
     }
 }
 
@@ -228,20 +229,20 @@ pub struct AdamWStep {
 }
 
 vectorised! {
-    /// One step of all elements; the slices are of one length.
+    /// One step of all elements, the values after it in place of the gradient; the slices are of one length.
     fn step_all(
-        value: &mut [f32],
-        gradient: &[f32],
+        value: &[f32],
+        gradient: &mut [f32],
         first: &mut [f32],
         second: &mut [f32],
         step: AdamWStep,
     ) {
         let state = first.chunks_mut(LANES).zip(second.chunks_mut(LANES));
-        let elements = value.chunks_mut(LANES).zip(gradient.chunks(LANES));
+        let elements = value.chunks(LANES).zip(gradient.chunks_mut(LANES));
         for ((value, gradient), (first, second)) in elements.zip(state) {
             let operands = [L::read(value), L::read(gradient), L::read(first), L::read(second)];
             let [after, m, v] = elements_after(operands, step);
-            after.write(value);
+            after.write(gradient);
             m.write(first);
             v.write(second);
         }

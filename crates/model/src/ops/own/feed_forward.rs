@@ -5,11 +5,11 @@
 
 use burn_flex::FlexTensor;
 
-use super::buffers::{Buffer, chunks, dims, elements, elements_mut, part, part_mut};
+use super::buffers::{Buffer, chunks, dims, elements, elements_mut, part, part_mut, prefetch};
 use super::lanes::{LANES, Lanes};
-use super::matmul::{Start, Target, multiply, multiply_transposed, prefetch};
+use super::matmul::{Start, Target, multiply, multiply_transposed};
 use super::panels::{Panels, View, transposed};
-use super::rows::{exp, rms_norm, rms_norm_again, rms_norm_back, sigmoid};
+use super::rows::{exp_below_88, rms_norm, rms_norm_again, rms_norm_back, sigmoid};
 use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};
 use crate::ops::Activation;
@@ -228,7 +228,7 @@ fn tail_and_density<L: Lanes>(x: L) -> [L; 2] {
     for coefficient in [-1.453_152, 1.421_413_7, -0.284_496_74, 0.254_829_6] {
         series = series.mul_add(t, L::splat(coefficient));
     }
-    let power = exp(L::splat(0.0).sub(z.mul(z)));
+    let power = exp_below_88(L::splat(0.0).sub(z.mul(z)));
     let tail = series.mul(t).mul(power).mul(L::splat(0.5));
     [tail, power.mul(L::splat(0.398_942_3))]
 }

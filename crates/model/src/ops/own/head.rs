@@ -10,11 +10,11 @@ use std::sync::Arc;
 
 use burn_flex::FlexTensor;
 
-use super::buffers::{Buffer, chunks, contiguous, elements, part, part_mut, tensor};
+use super::buffers::{Buffer, chunks, contiguous, elements, part, part_mut, prefetch, tensor};
 use super::lanes::{LANES, Lanes};
 use super::matmul::{Start, Target, multiply_part, multiply_transposed};
-use super::panels::{Panels, View};
-use super::rows::{exp, max, rms_norm, rms_norm_back, sum_of_exp};
+use super::panels::{Panels, View, transposed};
+use super::rows::{exp_below_88, max, rms_norm, rms_norm_back, sum_of_exp};
 use super::vectors::vectorised;
 use super::{Above, Gradients, Operation};
 use crate::ops::RowLosses;
@@ -71,6 +71,9 @@ const CHUNK: usize = 264;
 /// Columns of a block, about.
 const BLOCK: usize = 512;
 
+/// Elements between the logits that are read and those that are fetched for later: many have left the cache.
+const AHEAD: usize = 512;
+
 /// The input and the parameters, row-major.
 #[derive(Clone, Copy)]
 struct Head<'a> {
@@ -100,7 +103,7 @@ struct Learning {
     back: Panels,
     /// Room for the right operand of a product.
     panels: Panels,
-    /// Gradients by x, γ and W so far.
+    /// Gradients by x, γ and Wᵀ so far: W is wide, so that the narrower operand is the one that is copied.
     by: [Buffer; 3],
 }
 
@@ -148,7 +151,10 @@ impl Head<'_> {
                 None => losses.likeliest.extend(room.sums.iter().map(|sum| sum.likeliest)),
             }
         }
-        (losses, learning.map(|learning| learning.by))
+        let by = learning.map(|Learning { by: [by_x, by_gamma, by_weight], .. }| {
+            [by_x, by_gamma, transposed(&by_weight, d)]
+        });
+        (losses, by)
     }
 
     /// Normalises a chunk and sums its softmax; keeps its logits if `keep` asks for it, and otherwise finds the largest.
@@ -170,7 +176,7 @@ impl Head<'_> {
     /// Adds a chunk's share to the gradients.
     fn learn(&self, rows: &Range<usize>, room: &mut Room, learning: &mut Learning) {
         let Learning { back, panels, by: [by_x, by_gamma, by_weight] } = learning;
-        let (d, v, count) = (self.d(), self.n_vocab(), rows.len());
+        let (d, count) = (self.d(), rows.len());
         let Room { normed, logits, inverses, sums } = room;
         let scale = 1.0 / self.targets.len() as f32;
         let mut change = Buffer::new(count * d);
@@ -181,9 +187,9 @@ impl Head<'_> {
             let target = Target::new(&mut change, d);
             let start = if block.start > 0 { Start::Target } else { Start::Zero };
             multiply_part(target, count, by_logits, back, 0..d, block.clone(), start);
-            let target = Target::new(&mut by_weight[block.start..], v);
-            let (size, normed) = ((d, block.len()), View::new(normed, d));
-            multiply_transposed(target, size, normed, by_logits, rows, panels);
+            let target = Target::new(&mut by_weight[block.start * d..], d);
+            let (size, normed) = ((block.len(), d), View::new(normed, d));
+            multiply_transposed(target, size, by_logits, normed, rows, panels);
         }
         let (x, to) = (part(self.x, rows, d), part_mut(by_x, rows, d));
         rms_norm_back(&mut change, x, self.gamma, inverses, by_gamma, to);
@@ -282,7 +288,8 @@ vectorised! {
             let row = &mut row[..columns.len()];
             let normaliser = L::splat(sum.normaliser() as f32);
             for x in row.chunks_mut(LANES) {
-                exp(L::read(x).sub(normaliser)).mul(L::splat(scale)).write(x);
+                prefetch(x.as_ptr().wrapping_add(AHEAD));
+                exp_below_88(L::read(x).sub(normaliser)).mul(L::splat(scale)).write(x);
             }
             let within = (target as usize).checked_sub(columns.start);
             if let Some(x) = within.and_then(|i| row.get_mut(i)) {

@@ -43,6 +43,12 @@ pub trait Lanes: Copy {
     /// All sixteen elements.
     fn store(self, out: &mut [f32; LANES]);
 
+    /// The first eight elements, and the others where that costs nothing.
+    #[inline(always)]
+    fn store_half(self, out: &mut [f32; LANES]) {
+        self.store(out);
+    }
+
     /// `self + other`.
     fn add(self, other: Self) -> Self;
 
@@ -82,22 +88,14 @@ pub trait Lanes: Copy {
     /// The first `n` lanes, then those of `rest`.
     fn first(self, n: usize, rest: Self) -> Self;
 
-    /// Rows for columns of a square block.
+    /// Rows for columns of a square block, from matrix to matrix; each with the elements from row to row.
     #[inline(always)]
-    fn transpose(block: [Self; LANES]) -> [Self; LANES] {
-        // Loops, since the compiler may leave closures as calls without vectors.
-        let (mut rows, mut columns) = ([[0.0; LANES]; LANES], [Self::splat(0.0); LANES]);
-        for (row, values) in block.into_iter().zip(&mut rows) {
-            row.store(values);
-        }
-        for (j, column) in columns.iter_mut().enumerate() {
-            let mut values = [0.0; LANES];
-            for (value, row) in values.iter_mut().zip(&rows) {
-                *value = row[j];
+    fn transpose((from, rows): (&[f32], usize), (to, columns): (&mut [f32], usize)) {
+        for i in 0..LANES {
+            for (j, x) in from[i * rows..][..LANES].iter().enumerate() {
+                to[j * columns + i] = *x;
             }
-            *column = Self::load(&values);
         }
-        columns
     }
 
     /// Up to sixteen elements, with zeros after them.

@@ -11,7 +11,7 @@ use std::ops::Range;
 use std::slice;
 use std::sync::atomic::{Ordering, compiler_fence};
 
-use super::buffers::Buffer;
+use super::buffers::{Buffer, prefetch};
 use super::lanes::{LANES, Lanes, Tile};
 use super::panels::{Panels, View};
 use super::vectors::vectorised;
@@ -227,19 +227,6 @@ fn tiles<L: Lanes, const R: usize, const V: usize, const W: usize>(
             }
         }
     }
-}
-
-/// Asks for the line of the cache that `place` lies in, if there is such a place.
-#[inline(always)]
-pub fn prefetch(place: *const f32) {
-    #[cfg(target_arch = "x86_64")]
-    // SAFETY: a hint, which reads nothing that the program sees, wherever it points.
-    unsafe {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        _mm_prefetch::<_MM_HINT_T0>(place.cast());
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = place;
 }
 
 // One tile of a product, in registers.

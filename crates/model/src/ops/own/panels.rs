@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::buffers::Buffer;
+use super::buffers::{Buffer, prefetch};
 use super::lanes::{LANES, Lanes};
 use super::vectors::vectorised;
 
@@ -95,16 +95,45 @@ impl<'a> View<'a> {
 
 /// The columns of `matrix`, `columns` of them, as rows.
 pub fn transposed(matrix: &[f32], columns: usize) -> Buffer {
-    let rows = matrix.len() / columns;
     let mut output = Buffer::new(matrix.len());
-    for first in (0..rows).step_by(LANES) {
-        for (j, column) in output.chunks_exact_mut(rows).enumerate() {
-            for (i, to) in (first..rows).zip(&mut column[first..rows.min(first + LANES)]) {
-                *to = matrix[i * columns + j];
+    transpose(matrix, columns, &mut output);
+    output
+}
+
+vectorised! {
+    fn transpose(matrix: &[f32], columns: usize, output: &mut [f32]) {
+        let rows = matrix.len() / columns;
+        for first in (0..rows).step_by(LANES) {
+            for column in (0..columns).step_by(LANES) {
+                let size = [rows - first, columns - column].map(|n| n.min(LANES));
+                let from = (&matrix[first * columns + column..], columns);
+                let to = (&mut output[column * rows + first..], rows);
+                transpose_block::<L>(from, size, to, size[0]);
             }
         }
     }
-    output
+}
+
+/// Writes the columns of a block of up to sixteen rows and columns as rows of `width` elements, zeros after those that
+/// there are; each matrix with the elements from row to row.
+#[inline(always)]
+pub fn transpose_block<L: Lanes>(
+    (from, stride): (&[f32], usize),
+    [rows, columns]: [usize; 2],
+    to: (&mut [f32], usize),
+    width: usize,
+) {
+    if [rows, columns] == [LANES; 2] {
+        return L::transpose((from, stride), to);
+    }
+    let [mut block, mut turned] = [[[0.0; LANES]; LANES]; 2];
+    for (row, from) in block.iter_mut().zip(from.chunks(stride)).take(rows) {
+        L::read(&from[..columns]).store(row);
+    }
+    L::transpose((block.as_flattened(), LANES), (turned.as_flattened_mut(), LANES));
+    for (row, to) in turned.iter().zip(to.0.chunks_mut(to.1)).take(columns) {
+        L::load(row).write(&mut to[..width]);
+    }
 }
 
 /// The right operand of a product: panels of as many columns as a tile of this machine has, row after row, the last
@@ -189,11 +218,15 @@ vectorised! {
     }
 }
 
+/// Elements between those of a column that are read and those that are fetched for later.
+const AHEAD: usize = 64;
+
 /// Writes one panel from rows that lie in one piece each. A single row may have any stride.
 #[inline(always)]
 fn fill_rows<L: Lanes>(panel: &mut [f32], width: usize, matrix: View<'_>, columns: usize) {
     let sources = matrix.values.chunks(matrix.row_stride.max(columns));
     for (row, source) in panel.chunks_exact_mut(width).zip(sources) {
+        prefetch(source.as_ptr().wrapping_add(width));
         let (whole, rest) = source[..columns].as_chunks::<LANES>();
         let mut to = row.as_chunks_mut::<LANES>().0.iter_mut();
         // In this order, since `zip` takes one more of its first.
@@ -212,16 +245,15 @@ fn fill_rows<L: Lanes>(panel: &mut [f32], width: usize, matrix: View<'_>, column
 #[inline(always)]
 fn fill_columns<L: Lanes>(panel: &mut [f32], width: usize, matrix: View<'_>, columns: usize) {
     for (i, rows) in panel.chunks_mut(LANES * width).enumerate() {
-        let n = rows.len() / width;
+        let inner = rows.len() / width;
         for j in (0..width).step_by(LANES) {
-            let mut block = [L::splat(0.0); LANES];
-            for (column, of) in block.iter_mut().zip(j..columns) {
-                let start = of * matrix.column_stride + i * LANES;
-                *column = L::read(&matrix.values[start..][..n]);
+            let stride = matrix.column_stride;
+            let from = &matrix.values[(j * stride + i * LANES).min(matrix.values.len())..];
+            for k in 0..LANES {
+                prefetch(from.as_ptr().wrapping_add(k * stride + AHEAD));
             }
-            for (row, values) in rows.chunks_exact_mut(width).zip(L::transpose(block)) {
-                values.write(&mut row[j..j + LANES]);
-            }
+            let size = [columns.saturating_sub(j).min(LANES), inner];
+            transpose_block::<L>((from, stride), size, (&mut rows[j..], width), LANES);
         }
     }
 }

@@ -17,12 +17,18 @@ use super::{Above, Gradients, Operation};
 /// Below the range the result is 1e-38 and not zero. NaN stays NaN.
 #[inline(always)]
 pub fn exp<L: Lanes>(x: L) -> L {
+    exp_below_88(L::splat(88.0).min(x))
+}
+
+/// As [`exp`], of arguments that are no larger than 88: what remains when the largest has been subtracted.
+#[inline(always)]
+pub fn exp_below_88<L: Lanes>(x: L) -> L {
     // Adding 1.5 x 2^23 rounds to an integer and leaves it in the low bits.
     const ROUND: f32 = 12_582_912.0;
     // ln 2 in two parts, the first with so few bits that its products with n are exact.
     const LN_2_HIGH: f32 = 0.693_145_75;
     const LN_2_LOW: f32 = 1.428_606_8e-6;
-    let x = L::splat(88.0).min(L::splat(-87.3).max(x));
+    let x = L::splat(-87.3).max(x);
     let shifted = x.mul_add(L::splat(std::f32::consts::LOG2_E), L::splat(ROUND));
     let n = shifted.sub(L::splat(ROUND));
     let f = n.mul_add(L::splat(-LN_2_LOW), n.mul_add(L::splat(-LN_2_HIGH), x));
@@ -62,14 +68,14 @@ pub fn max<L: Lanes>(x: &[f32]) -> f32 {
     largest.largest()
 }
 
-/// Σ e^(x − shift).
+/// Σ e^(x − shift), where no x is larger than the shift by 88.
 #[inline(always)]
 pub fn sum_of_exp<L: Lanes>(x: &[f32], shift: f32) -> f32 {
     let shift = L::splat(shift);
     let (whole, rest) = x.as_chunks();
-    let mut sum = exp(L::read(rest).sub(shift)).first(rest.len(), L::splat(0.0));
+    let mut sum = exp_below_88(L::read(rest).sub(shift)).first(rest.len(), L::splat(0.0));
     for x in whole {
-        sum = sum.add(exp(L::load(x).sub(shift)));
+        sum = sum.add(exp_below_88(L::load(x).sub(shift)));
     }
     sum.sum()
 }

@@ -8,6 +8,7 @@ use std::ops::Range;
 
 use super::buffers::Buffer;
 use super::lanes::{LANES, Lanes, Tile};
+use super::panels::transpose_block;
 
 /// Rows of a tile where registers are many: no tile has more.
 pub const ROWS: usize = 8;
@@ -78,14 +79,9 @@ impl Scratch {
         self.resize::<L>(columns.next_multiple_of(LANES), rows);
         for first in (0..rows).step_by(LANES) {
             for column in (0..columns).step_by(LANES) {
-                let mut block = [L::splat(0.0); LANES];
-                for (i, row) in (first..rows.min(first + LANES)).enumerate() {
-                    block[i] = L::read(&other.row(row)[column..column + LANES]);
-                }
-                let to = &mut self.values[column * self.stride + first..];
-                for (row, vector) in to.chunks_mut(self.stride).zip(L::transpose(block)) {
-                    vector.write(&mut row[..LANES]);
-                }
+                let from = (&other.values[first * other.stride + column..], other.stride);
+                let to = (&mut self.values[column * self.stride + first..], self.stride);
+                transpose_block::<L>(from, [LANES.min(rows - first), LANES], to, LANES);
             }
         }
     }
@@ -161,7 +157,7 @@ pub struct Span {
 
 /// `out = left right` for the first `rows` rows, each block of rows within its span.
 ///
-/// Columns are computed to the end of a vector, and rows to the end of a tile.
+/// Columns are computed to the end of a half of a vector at least, and rows to the end of a tile.
 #[inline(always)]
 pub fn product<L: Lanes, const TRANSPOSED: bool>(
     out: &mut Scratch,
@@ -192,21 +188,23 @@ pub fn block<L: Lanes, const TRANSPOSED: bool>(
     let mut column = 0;
     while column < columns {
         let (to, inner) = ((row, column), inner.clone());
+        let is_half = columns - column <= LANES / 2;
         column += LANES;
         match L::TILE {
             Tile::SixByFour if column < columns => {
-                tile::<L, ROWS, 2, _>(out, to, left, right, inner);
+                tile::<L, ROWS, 2, _, false>(out, to, left, right, inner);
                 column += LANES;
             }
-            Tile::SixByFour => tile::<L, ROWS, 1, _>(out, to, left, right, inner),
-            Tile::SixByOne | Tile::FourByOne => tile::<L, FEW, 1, _>(out, to, left, right, inner),
+            Tile::SixByFour => tile::<L, ROWS, 1, _, false>(out, to, left, right, inner),
+            _ if is_half => tile::<L, FEW, 1, _, true>(out, to, left, right, inner),
+            _ => tile::<L, FEW, 1, _, false>(out, to, left, right, inner),
         }
     }
 }
 
-/// One tile of the result at `(row, column)`, of the first `R` rows of `left` and `V` vectors.
+/// One tile of the result at `(row, column)`, of the first `R` rows of `left` and `V` vectors, or the first half of each.
 #[inline(always)]
-fn tile<L: Lanes, const R: usize, const V: usize, const TRANSPOSED: bool>(
+fn tile<L: Lanes, const R: usize, const V: usize, const TRANSPOSED: bool, const HALF: bool>(
     out: &mut Scratch,
     (row, column): (usize, usize),
     left: Left<'_, TRANSPOSED>,
@@ -231,7 +229,9 @@ fn tile<L: Lanes, const R: usize, const V: usize, const TRANSPOSED: bool>(
     for (r, sums) in sums.iter().enumerate() {
         for (v, sum) in sums.iter().enumerate() {
             // SAFETY: `block` has checked.
-            sum.store(unsafe { &mut *out.place_mut(row + r, column + v * LANES) });
+            let to = unsafe { &mut *out.place_mut(row + r, column + v * LANES) };
+            // The compiler leaves out what is not stored.
+            if HALF { sum.store_half(to) } else { sum.store(to) }
         }
     }
 }

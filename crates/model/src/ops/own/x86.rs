@@ -186,7 +186,17 @@ impl Lanes for Wide {
             Wide(_mm512_mask_blend_ps(mask(n), rest.0, self.0))
         }
 
-        fn transpose(block: [Self; LANES]) -> [Self; LANES] { transpose(block) }
+        fn transpose((from, rows): (&[f32], usize), (to, columns): (&mut [f32], usize)) {
+            has_block(from.len(), rows);
+            has_block(to.len(), columns);
+            let mut block = [Wide::splat(0.0); LANES];
+            for (i, row) in block.iter_mut().enumerate() {
+                row.0 = _mm512_loadu_ps(from.as_ptr().add(i * rows));
+            }
+            for (j, column) in transpose(block).into_iter().enumerate() {
+                _mm512_storeu_ps(to.as_mut_ptr().add(j * columns), column.0);
+            }
+        }
 
         fn read(x: &[f32]) -> Self {
             match x.try_into() {
@@ -223,6 +233,8 @@ impl Lanes for Pair {
             _mm256_storeu_ps(low.as_mut_ptr(), self.0);
             _mm256_storeu_ps(high.as_mut_ptr(), self.1);
         }
+
+        fn store_half(self, out: &mut [f32; LANES]) { _mm256_storeu_ps(out.as_mut_ptr(), self.0) }
 
         fn read(x: &[f32]) -> Self {
             if let Ok(whole) = x.try_into() {
@@ -293,26 +305,27 @@ impl Lanes for Pair {
             Pair(choose(self.0, rest.0, low), choose(self.1, rest.1, high))
         }
 
-        fn transpose(block: [Self; LANES]) -> [Self; LANES] {
-            let mut columns = block;
-            for half in [0, 8] {
-                let (mut low, mut high) = ([block[0].0; 8], [block[0].0; 8]);
-                for i in 0..8 {
-                    (low[i], high[i]) = (block[half + i].0, block[half + i].1);
+        fn transpose((from, rows): (&[f32], usize), (to, columns): (&mut [f32], usize)) {
+            has_block(from.len(), rows);
+            has_block(to.len(), columns);
+            for (i, j) in [(0, 0), (8, 0), (0, 8), (8, 8)] {
+                let (from, to) = (from.as_ptr().add(i * rows + j), to.as_mut_ptr().add(j * columns + i));
+                let mut block = [_mm256_setzero_ps(); 8];
+                for (i, row) in block.iter_mut().enumerate() {
+                    *row = _mm256_loadu_ps(from.add(i * rows));
                 }
-                let (low, high) = (transpose_eight(low), transpose_eight(high));
-                for i in 0..8 {
-                    let (left, right) = columns.split_at_mut(8);
-                    if half == 0 {
-                        (left[i].0, right[i].0) = (low[i], high[i]);
-                    } else {
-                        (left[i].1, right[i].1) = (low[i], high[i]);
-                    }
+                for (j, column) in transpose_eight(block).into_iter().enumerate() {
+                    _mm256_storeu_ps(to.add(j * columns), column);
                 }
             }
-            columns
         }
     }
+}
+
+/// Sees that a matrix of so many elements, `stride` from row to row, has a square block at its start.
+#[inline(always)]
+fn has_block(elements: usize, stride: usize) {
+    assert!((LANES - 1) * stride + LANES <= elements, "a block of a matrix ends beyond its memory");
 }
 
 /// Rows for columns of eight by eight: pairs of rows are merged to pairs, fours and eights of columns.

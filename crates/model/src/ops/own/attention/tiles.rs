@@ -6,7 +6,7 @@
 
 use super::heads::{HeadRows, Sight, rotate, rotate_back};
 use crate::ops::own::lanes::{LANES, Lanes};
-use crate::ops::own::rows::{dot, exp, max};
+use crate::ops::own::rows::{dot, exp_below_88, max};
 use crate::ops::own::small_matrices::{ROWS, Scratch, Span, block, product, tile_rows};
 
 /// Matrices of one head, kept from head to head for their allocations.
@@ -236,11 +236,11 @@ fn powers<L: Lanes>(row: &mut [[f32; LANES]], visible: usize, largest: f32, fact
     let Some((last, whole)) = row.split_last_mut() else { return 0.0 };
     let left = visible - whole.len() * LANES;
     for x in whole {
-        let power = exp(L::load(x).sub(largest));
+        let power = exp_below_88(L::load(x).sub(largest));
         sum = sum.add(power);
         power.mul(factor).store(x);
     }
-    let power = exp(L::load(last).sub(largest)).first(left, L::splat(0.0));
+    let power = exp_below_88(L::load(last).sub(largest)).first(left, L::splat(0.0));
     power.mul(factor).store(last);
     sum.add(power).sum()
 }
