@@ -340,8 +340,9 @@ class Ours:
     def __init__(self, program):
         command = [program] if program else ["cargo", "bench", "--quiet", "--bench", "train", "--"]
         command.append("--serve")
-        # The allocator keeps what is freed, as in a worker of a sweep.
-        environment = {"MIMALLOC_PURGE_DELAY": "-1", **os.environ, "RAYON_NUM_THREADS": "1"}
+        # The allocator keeps what is freed, and takes large pages, as in a worker of a sweep.
+        allocator = {"MIMALLOC_PURGE_DELAY": "-1", "MIMALLOC_ALLOW_LARGE_OS_PAGES": "1"}
+        environment = {**allocator, **os.environ, "RAYON_NUM_THREADS": "1"}
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
         )

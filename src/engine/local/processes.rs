@@ -20,9 +20,10 @@ use std::sync::OnceLock;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// The environment variable for the milliseconds after which mimalloc returns freed memory to the system. A worker
-/// returns none (-1) unless the user says otherwise: each step of training wants the same memory again.
-const PURGE_DELAY: &str = "MIMALLOC_PURGE_DELAY";
+/// How a worker's allocator, mimalloc, deals with the system, unless the user says otherwise: it returns no freed memory
+/// (-1 ms), since each step of training wants the same again, and asks for pages of 2 MiB where there are any.
+const ALLOCATOR: [(&str, &str); 2] =
+    [("MIMALLOC_PURGE_DELAY", "-1"), ("MIMALLOC_ALLOW_LARGE_OS_PAGES", "1")];
 
 /// A worker process a job, with one thread each, so that runs side by side give the same bits.
 pub struct LocalProcesses {
@@ -150,7 +151,7 @@ impl<'a> Attended<'a> {
             .arg(runner.folder.root())
             .args([job.id.kind.word(), &job.id.id, "--device", &runner.device])
             .env("RAYON_NUM_THREADS", "1")
-            .envs(env::var_os(PURGE_DELAY).is_none().then_some((PURGE_DELAY, "-1")))
+            .envs(ALLOCATOR.into_iter().filter(|(name, _)| env::var_os(name).is_none()))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(log)

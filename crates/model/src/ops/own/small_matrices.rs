@@ -49,16 +49,16 @@ impl Scratch {
         &self.values[i * self.stride..][..self.stride]
     }
 
-    /// Row `i`, its padding included.
+    /// The memory of the first `rows` rows, and the elements from row to row.
     #[inline(always)]
-    pub fn row_mut(&mut self, i: usize) -> &mut [f32] {
-        &mut self.values[i * self.stride..][..self.stride]
+    pub fn memory(&self, rows: usize) -> (*const f32, usize) {
+        (self.values[..rows * self.stride].as_ptr(), self.stride)
     }
 
-    /// Rows from row `i` on, their padding included.
+    /// As [`Scratch::memory`].
     #[inline(always)]
-    pub fn rows_mut(&mut self, i: usize) -> impl Iterator<Item = &mut [f32]> {
-        self.values[i * self.stride..].chunks_mut(self.stride)
+    pub fn memory_mut(&mut self, rows: usize) -> (*mut f32, usize) {
+        (self.values[..rows * self.stride].as_mut_ptr(), self.stride)
     }
 
     /// This matrix as the left operand of a product.

@@ -2,6 +2,7 @@
 //! queries and keys rotated by their positions; see [`Rope`].
 
 use std::ops::Range;
+use std::slice;
 
 use crate::ops::own::lanes::{LANES, Lanes};
 use crate::ops::own::small_matrices::{ROWS, Scratch, tile_rows};
@@ -138,16 +139,10 @@ pub trait Sight {
     #[inline(always)]
     fn visible_by_row<L: Lanes>(&self, first: usize) -> [usize; ROWS] {
         let (last, mut by_row) = (self.rows::<L>(first).end - 1, [0; ROWS]);
-        for (r, visible) in by_row.iter_mut().enumerate() {
+        for (r, visible) in by_row.iter_mut().enumerate().take(tile_rows::<L>()) {
             *visible = self.visible((first + r).min(last));
         }
         by_row
-    }
-
-    /// Most keys visible in the tile that starts at `first`: those of its last query.
-    #[inline(always)]
-    fn visible_in_tile<L: Lanes>(&self, first: usize) -> usize {
-        self.visible(self.rows::<L>(first).end - 1)
     }
 }
 
@@ -166,36 +161,19 @@ impl HeadRows {
         self.columns.is_multiple_of(LANES)
     }
 
-    /// Row `t`, and if it is not `WHOLE` vectors all that comes after it, so that vectors are read whole.
+    /// Vectors of a row.
     #[inline(always)]
-    fn row<const WHOLE: bool>(self, values: &[f32], t: usize) -> &[f32] {
-        let row = &values[self.start + t * self.stride..];
-        if WHOLE { &row[..self.columns] } else { row }
+    fn vectors(self) -> usize {
+        self.columns.div_ceil(LANES)
     }
 
-    /// Row `t`.
+    /// Where the first of the rows `rows` starts, after a look whether all of them lie within `values`.
     #[inline(always)]
-    fn row_mut(self, values: &mut [f32], t: usize) -> &mut [f32] {
-        &mut values[self.start + t * self.stride..][..self.columns]
+    fn first(self, values: &[f32], rows: &Range<usize>) -> usize {
+        let end = self.start + (rows.end.max(1) - 1) * self.stride + self.columns;
+        assert!(rows.is_empty() || end <= values.len(), "rows of a head end beyond their matrix");
+        self.start + rows.start * self.stride
     }
-}
-
-/// The vector of a row from column `j` on; with zeros after the end of `row`, if that comes first.
-#[inline(always)]
-fn read<L: Lanes, const WHOLE: bool>(row: &[f32], j: usize) -> L {
-    L::read(&row[j..end::<WHOLE>(row, j)])
-}
-
-/// Writes a vector to a row from column `j` on, or as much of the vector as there are columns.
-#[inline(always)]
-fn write<L: Lanes, const WHOLE: bool>(row: &mut [f32], j: usize, vector: L) {
-    let end = end::<WHOLE>(row, j);
-    vector.write(&mut row[j..end]);
-}
-
-#[inline(always)]
-fn end<const WHOLE: bool>(row: &[f32], j: usize) -> usize {
-    if WHOLE { j + LANES } else { row.len().min(j + LANES) }
 }
 
 /// The angles of the positions of a sequence.
@@ -206,10 +184,12 @@ pub struct Angles<'a> {
     pub listed: Option<&'a [u32]>,
 }
 
-impl<'a> Angles<'a> {
+impl Angles<'_> {
+    /// The row of position `t` of both factors; see [`Rope::at`].
     #[inline(always)]
-    fn at(self, t: usize) -> (&'a [f32], &'a [f32]) {
-        self.rope.at(self.listed.map_or(t, |listed| listed[t] as usize))
+    fn at(self, t: usize) -> (*const f32, *const f32) {
+        let (along, across) = self.rope.at(self.listed.map_or(t, |listed| listed[t] as usize));
+        (along.as_ptr(), across.as_ptr())
     }
 }
 
@@ -238,15 +218,38 @@ fn rotate_as<L: Lanes, const WHOLE: bool>(
     angles: Option<Angles<'_>>,
     scale: f32,
 ) {
-    for (i, t) in rows.enumerate() {
-        let (to, from) = (to.row_mut(i), place.row::<WHOLE>(values, t));
+    let first = place.first(values, &rows);
+    let (mut from, end) = (values.as_ptr().wrapping_add(first), values.as_ptr_range().end);
+    let (mut to, stride) = to.memory_mut(rows.len());
+    for t in rows {
         let angles = angles.map(|angles| angles.at(t));
-        for j in (0..place.columns).step_by(LANES) {
-            let mut x = read::<L, WHOLE>(from, j);
-            if let Some((along, across)) = angles {
-                x = turn(x, read::<L, true>(along, j), read::<L, true>(across, j));
+        for j in (0..place.vectors()).map(|v| v * LANES) {
+            // SAFETY: row and scratch matrix have been looked at, and rows of angles are whole vectors.
+            unsafe {
+                let mut x = read::<L, WHOLE>(from.add(j), end);
+                if let Some((along, across)) = angles {
+                    x = turn(x, L::load(&*along.add(j).cast()), L::load(&*across.add(j).cast()));
+                }
+                x.mul(L::splat(scale)).store(&mut *to.add(j).cast());
             }
-            write::<L, true>(to, j, x.mul(L::splat(scale)));
+        }
+        (from, to) = (from.wrapping_add(place.stride), to.wrapping_add(stride));
+    }
+}
+
+/// The vector at `at`; with zeros after `end`, which comes first only if rows are not `WHOLE` vectors.
+///
+/// # Safety
+///
+/// `at` must lie in memory that ends at `end`, with a vector there if rows are `WHOLE` vectors.
+#[inline(always)]
+unsafe fn read<L: Lanes, const WHOLE: bool>(at: *const f32, end: *const f32) -> L {
+    // SAFETY: the caller's promise.
+    unsafe {
+        if WHOLE || at.wrapping_add(LANES) <= end {
+            L::load(&*at.cast())
+        } else {
+            L::read(slice::from_raw_parts(at, end.offset_from_unsigned(at)))
         }
     }
 }
@@ -276,17 +279,24 @@ fn rotate_back_as<L: Lanes, const WHOLE: bool>(
     angles: Option<Angles<'_>>,
     scale: f32,
 ) {
-    for (i, t) in rows.enumerate() {
-        let (to, from) = (place.row_mut(values, t), from.row(i));
+    let first = place.first(values, &rows);
+    let mut to = values.as_mut_ptr().wrapping_add(first);
+    let (mut from, stride) = from.memory(rows.len());
+    for t in rows {
         let angles = angles.map(|angles| angles.at(t));
-        for j in (0..place.columns).step_by(LANES) {
-            let mut x = read::<L, true>(from, j);
-            if let Some((along, across)) = angles {
-                let across = L::splat(0.0).sub(read::<L, true>(across, j));
-                x = turn(x, read::<L, true>(along, j), across);
+        for j in (0..place.vectors()).map(|v| v * LANES) {
+            // SAFETY: as in `rotate_as`.
+            unsafe {
+                let mut x = L::load(&*from.add(j).cast());
+                if let Some((along, across)) = angles {
+                    let back = L::splat(0.0).sub(L::load(&*across.add(j).cast()));
+                    x = turn(x, L::load(&*along.add(j).cast()), back);
+                }
+                let n = if WHOLE { LANES } else { LANES.min(place.columns - j) };
+                x.mul(L::splat(scale)).write(slice::from_raw_parts_mut(to.add(j), n));
             }
-            write::<L, WHOLE>(to, j, x.mul(L::splat(scale)));
         }
+        (from, to) = (from.wrapping_add(stride), to.wrapping_add(place.stride));
     }
 }
 

@@ -6,7 +6,7 @@
 
 use super::heads::{HeadRows, Sight, rotate, rotate_back};
 use crate::ops::own::lanes::{LANES, Lanes};
-use crate::ops::own::rows::{dot, exp_below_88, max};
+use crate::ops::own::rows::exp_below_88;
 use crate::ops::own::small_matrices::{ROWS, Scratch, Span, block, product, tile_rows};
 
 /// Matrices of one head, kept from head to head for their allocations.
@@ -36,12 +36,12 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// The scores of the tile that starts at row `first`, into the rows of `weights` from `to` on.
+    /// The scores of the tile of queries that starts at row `first`, into its rows of `weights`.
     #[inline(always)]
-    fn scores<L: Lanes>(&mut self, sight: &impl Sight, first: usize, to: usize) {
-        let span = Span { inner: 0..sight.head_dim(), columns: sight.visible_in_tile::<L>(first) };
+    fn scores<L: Lanes>(&mut self, head_dim: usize, first: usize, tile: Tile) {
+        let span = Span { inner: 0..head_dim, columns: tile.extent };
         let queries = self.queries.plain().skip_rows(first);
-        block::<L, _>(&mut self.weights, to, queries, &self.keys_across, span);
+        block::<L, _>(&mut self.weights, tile.first, queries, &self.keys_across, span);
     }
 }
 
@@ -69,11 +69,10 @@ pub fn mix<L: Lanes>(
 /// weights = softmax(queries keysᵀ), output = weights values, for the rows of one tile.
 #[inline(always)]
 fn attend<L: Lanes>(work: &mut Workspace, sight: &impl Sight, first: usize) -> Statistics {
-    let visible = sight.visible_in_tile::<L>(first);
-    work.scores::<L>(sight, first, 0);
-    let tile = Tile { first: 0, visible: sight.visible_by_row::<L>(first) };
+    let tile = Tile::new::<L>(0, sight.visible_by_row::<L>(first));
+    work.scores::<L>(sight.head_dim(), first, tile);
     let statistics = softmax::<L>(&mut work.weights, tile);
-    let span = Span { inner: 0..visible, columns: sight.head_dim() };
+    let span = Span { inner: 0..tile.extent, columns: sight.head_dim() };
     block::<L, _>(&mut work.output, 0, work.weights.plain(), &work.values, span);
     statistics
 }
@@ -102,16 +101,16 @@ pub fn differentiate<L: Lanes>(
     first: usize,
     kept: &mut &[f32],
 ) {
-    let (visible, head_dim) = (sight.visible_in_tile::<L>(first), sight.head_dim());
-    let tile = Tile { first, visible: sight.visible_by_row::<L>(first) };
-    work.scores::<L>(sight, first, first);
+    let head_dim = sight.head_dim();
+    let tile = Tile::new::<L>(first, sight.visible_by_row::<L>(first));
+    work.scores::<L>(head_dim, first, tile);
     let statistics = Statistics::take(sight.rows::<L>(first).len(), kept);
     softmax_again::<L>(&mut work.weights, tile, statistics);
-    let by_weight = Span { inner: 0..head_dim, columns: visible };
+    let by_weight = Span { inner: 0..head_dim, columns: tile.extent };
     let output = work.output.plain().skip_rows(first);
     block::<L, _>(&mut work.grad_scores, first, output, &work.values_across, by_weight);
-    softmax_back::<L>(&mut work.grad_scores, &work.weights, tile);
-    let by_query = Span { inner: 0..visible, columns: head_dim };
+    softmax_back::<L>(&mut work.grad_scores, &mut work.weights, tile);
+    let by_query = Span { inner: 0..tile.extent, columns: head_dim };
     let scores = work.grad_scores.plain().skip_rows(first);
     block::<L, _>(&mut work.grad_queries, 0, scores, &work.keys, by_query);
 }
@@ -135,8 +134,10 @@ pub fn sum_by_keys_and_values<L: Lanes>(work: &mut Workspace, sight: &impl Sight
 struct Tile {
     /// Its first row.
     first: usize,
-    /// Ascending; the last is the tile's extent.
+    /// Ascending.
     visible: [usize; ROWS],
+    /// Those that its last row sees.
+    extent: usize,
 }
 
 /// The statistics of a tile's rows: weight = e^(score − largest) · inverse.
@@ -174,25 +175,70 @@ impl Statistics {
 }
 
 impl Tile {
-    /// Zeros from the vector of a row's cut to that of the end of the tile of keys that the tile's last cut lies in.
     #[inline(always)]
-    fn clear_rest<L: Lanes>(self, matrix: &mut Scratch) {
-        let end = self.visible[ROWS - 1].next_multiple_of(tile_rows::<L>()).next_multiple_of(LANES);
-        for (row, visible) in matrix.rows_mut(self.first).zip(self.visible).take(tile_rows::<L>()) {
-            row[visible.next_multiple_of(LANES)..end].fill(0.0);
-        }
+    fn new<L: Lanes>(first: usize, visible: [usize; ROWS]) -> Self {
+        Self { first, visible, extent: visible[tile_rows::<L>() - 1] }
     }
 
-    /// The tile's rows of `matrix`, cut to whole vectors, and how many positions each sees.
+    /// The memory of its rows of `matrix`, and the elements from row to row.
     #[inline(always)]
-    fn rows<L: Lanes>(
-        self,
-        matrix: &mut Scratch,
-    ) -> impl Iterator<Item = (&mut [[f32; LANES]], usize)> {
-        let rows = matrix.rows_mut(self.first).zip(self.visible).take(tile_rows::<L>());
-        rows.map(|(row, visible)| {
-            (row[..visible.next_multiple_of(LANES)].as_chunks_mut().0, visible)
-        })
+    fn memory<L: Lanes>(self, matrix: &mut Scratch) -> (*mut f32, usize) {
+        let (memory, stride) = matrix.memory_mut(self.first + tile_rows::<L>());
+        assert!(self.extent <= stride, "a tile of {} columns has no room", self.extent);
+        (memory, stride)
+    }
+
+    /// Its row `r`, of what [`Tile::memory`] gives.
+    #[inline(always)]
+    fn row(self, (memory, stride): (*mut f32, usize), r: usize) -> Row {
+        let whole = (self.visible[r] - 1) / LANES;
+        let first = memory.wrapping_add((self.first + r) * stride);
+        Row { first, whole, left: self.visible[r] - whole * LANES }
+    }
+
+    /// Zeros from the vector of a row's cut to that of the end of the tile of keys that the tile's last cut lies in.
+    #[inline(always)]
+    fn clear_rest<L: Lanes>(self, memory: (*mut f32, usize)) {
+        let end = self.extent.next_multiple_of(tile_rows::<L>()).div_ceil(LANES);
+        // Mostly all rows are cut in its last vector.
+        let some = self.visible[0].div_ceil(LANES) < end;
+        for r in 0..if some { tile_rows::<L>() } else { 0 } {
+            let row = self.row(memory, r);
+            for v in row.whole + 1..end {
+                row.store(v, L::splat(0.0));
+            }
+        }
+    }
+}
+
+/// A row of a tile: vectors that it sees, and one of which it sees the first elements.
+///
+/// A pointer, since bounds of slices, which are looked at again after every store, take as long as short rows do.
+#[derive(Clone, Copy)]
+struct Row {
+    first: *mut f32,
+    whole: usize,
+    /// Elements of the last vector.
+    left: usize,
+}
+
+impl Row {
+    #[inline(always)]
+    fn load<L: Lanes>(self, v: usize) -> L {
+        // SAFETY: `Tile::memory` has checked that the row goes to the end of its last vector.
+        L::load(unsafe { &*self.first.add(v * LANES).cast() })
+    }
+
+    #[inline(always)]
+    fn store<L: Lanes>(self, v: usize, vector: L) {
+        // SAFETY: as in `load`.
+        vector.store(unsafe { &mut *self.first.add(v * LANES).cast() });
+    }
+
+    /// The last vector, with `rest` for what the row does not see.
+    #[inline(always)]
+    fn cut<L: Lanes>(self, last: L, rest: f32) -> L {
+        last.first(self.left, L::splat(rest))
     }
 }
 
@@ -200,20 +246,25 @@ impl Tile {
 #[inline(always)]
 fn softmax<L: Lanes>(scores: &mut Scratch, tile: Tile) -> Statistics {
     let [mut largest, mut inverse] = [[0.0; ROWS]; 2];
-    for ((row, visible), largest) in tile.rows::<L>(scores).zip(&mut largest) {
-        *largest = max::<L>(&row.as_flattened()[..visible]);
+    let memory = tile.memory::<L>(scores);
+    for r in 0..tile_rows::<L>() {
+        let row = tile.row(memory, r);
+        let mut vector = row.cut(row.load::<L>(row.whole), f32::MIN);
+        for v in 0..row.whole {
+            vector = row.load::<L>(v).max(vector);
+        }
+        largest[r] = vector.largest();
     }
-    for (((row, visible), largest), inverse) in
-        tile.rows::<L>(scores).zip(largest).zip(&mut inverse)
-    {
-        *inverse = 1.0 / powers::<L>(row, visible, largest, 1.0);
+    for r in 0..tile_rows::<L>() {
+        inverse[r] = 1.0 / powers::<L>(tile.row(memory, r), largest[r], 1.0);
     }
-    for ((row, _), inverse) in tile.rows::<L>(scores).zip(inverse) {
-        for x in row {
-            L::load(x).mul(L::splat(inverse)).store(x);
+    for r in 0..tile_rows::<L>() {
+        let (row, inverse) = (tile.row(memory, r), L::splat(inverse[r]));
+        for v in 0..=row.whole {
+            row.store(v, row.load::<L>(v).mul(inverse));
         }
     }
-    tile.clear_rest::<L>(scores);
+    tile.clear_rest::<L>(memory);
     Statistics { largest, inverse }
 }
 
@@ -221,47 +272,51 @@ fn softmax<L: Lanes>(scores: &mut Scratch, tile: Tile) -> Statistics {
 #[inline(always)]
 fn softmax_again<L: Lanes>(scores: &mut Scratch, tile: Tile, statistics: Statistics) {
     let Statistics { largest, inverse } = statistics;
-    for (((row, visible), largest), inverse) in tile.rows::<L>(scores).zip(largest).zip(inverse) {
-        powers::<L>(row, visible, largest, inverse);
+    let memory = tile.memory::<L>(scores);
+    for r in 0..tile_rows::<L>() {
+        powers::<L>(tile.row(memory, r), largest[r], inverse[r]);
     }
-    tile.clear_rest::<L>(scores);
+    tile.clear_rest::<L>(memory);
 }
 
-/// Replaces the first `visible` scores of a row by factor · e^(score − largest), the rest by zeros; returns the sum of
-/// the powers.
+/// Replaces the scores of a row by factor · e^(score − largest), with zeros to the end of the last vector; returns the sum
+/// of the powers.
 #[inline(always)]
-fn powers<L: Lanes>(row: &mut [[f32; LANES]], visible: usize, largest: f32, factor: f32) -> f32 {
+fn powers<L: Lanes>(row: Row, largest: f32, factor: f32) -> f32 {
     let (largest, factor) = (L::splat(largest), L::splat(factor));
     let mut sum = L::splat(0.0);
-    let Some((last, whole)) = row.split_last_mut() else { return 0.0 };
-    let left = visible - whole.len() * LANES;
-    for x in whole {
-        let power = exp_below_88(L::load(x).sub(largest));
+    for v in 0..row.whole {
+        let power = exp_below_88(row.load::<L>(v).sub(largest));
         sum = sum.add(power);
-        power.mul(factor).store(x);
+        row.store(v, power.mul(factor));
     }
-    let power = exp_below_88(L::load(last).sub(largest)).first(left, L::splat(0.0));
-    power.mul(factor).store(last);
+    let power = row.cut(exp_below_88(row.load::<L>(row.whole).sub(largest)), 0.0);
+    row.store(row.whole, power.mul(factor));
     sum.add(power).sum()
 }
 
 /// Turns gradients by weights into gradients by scores: wᵢ (gᵢ − Σⱼ wⱼ gⱼ).
 #[inline(always)]
-fn softmax_back<L: Lanes>(gradient: &mut Scratch, weights: &Scratch, tile: Tile) {
+fn softmax_back<L: Lanes>(gradient: &mut Scratch, weights: &mut Scratch, tile: Tile) {
     let mut means = [0.0; ROWS];
-    // Counted, since the compiler leaves the steps of a longer `zip` as calls.
-    for (r, (row, visible)) in tile.rows::<L>(gradient).enumerate() {
-        means[r] = dot::<L>(&row.as_flattened()[..visible], weights.row(tile.first + r));
-    }
-    for (r, (row, visible)) in tile.rows::<L>(gradient).enumerate() {
-        let Some((last, whole)) = row.split_last_mut() else { return };
-        let (left, mean) = (visible - whole.len() * LANES, L::splat(means[r]));
-        let weights = &weights.row(tile.first + r).as_chunks().0[..=whole.len()];
-        for (x, weight) in whole.iter_mut().zip(weights) {
-            L::load(x).sub(mean).mul(L::load(weight)).store(x);
+    let (memory, weights) = (tile.memory::<L>(gradient), tile.memory::<L>(weights));
+    for r in 0..tile_rows::<L>() {
+        let (row, weights) = (tile.row(memory, r), tile.row(weights, r));
+        let mut sum = L::splat(0.0);
+        for v in 0..row.whole {
+            sum = row.load::<L>(v).mul_add(weights.load(v), sum);
         }
-        let by_score = L::load(last).sub(mean).mul(L::load(&weights[whole.len()]));
-        by_score.first(left, L::splat(0.0)).store(last);
+        let last = row.cut(row.load::<L>(row.whole), 0.0);
+        means[r] = last.mul_add(weights.load(row.whole), sum).sum();
     }
-    tile.clear_rest::<L>(gradient);
+    for r in 0..tile_rows::<L>() {
+        let (row, weights) = (tile.row(memory, r), tile.row(weights, r));
+        let mean = L::splat(means[r]);
+        for v in 0..row.whole {
+            row.store(v, row.load::<L>(v).sub(mean).mul(weights.load(v)));
+        }
+        let by_score = row.load::<L>(row.whole).sub(mean).mul(weights.load(row.whole));
+        row.store(row.whole, row.cut(by_score, 0.0));
+    }
+    tile.clear_rest::<L>(memory);
 }
