@@ -275,10 +275,13 @@ fn tile<L: Lanes, const R: usize, const V: usize, const W: usize>(
     // SAFETY: `multiply` has checked, and `edge` has room.
     unsafe {
         match columns.div_ceil(LANES) {
-            1 if V > 1 => accumulate::<L, R, 1, W>((to, stride), from, left, panel, add),
-            2 if V > 2 => accumulate::<L, R, 2, W>((to, stride), from, left, panel, add),
-            3 if V > 3 => accumulate::<L, R, 3, W>((to, stride), from, left, panel, add),
-            _ => accumulate::<L, R, V, W>((to, stride), from, left, panel, add),
+            1 if V > 1 => accumulate::<L, R, 1, W, false>((to, stride), from, left, panel, add),
+            1 if columns <= LANES / 2 => {
+                accumulate::<L, R, V, W, true>((to, stride), from, left, panel, add);
+            }
+            2 if V > 2 => accumulate::<L, R, 2, W, false>((to, stride), from, left, panel, add),
+            3 if V > 3 => accumulate::<L, R, 3, W, false>((to, stride), from, left, panel, add),
+            _ => accumulate::<L, R, V, W, false>((to, stride), from, left, panel, add),
         }
     }
     if !is_whole {
@@ -297,14 +300,14 @@ fn copy<L: Lanes>(from: &[f32], to: &mut [f32]) {
 }
 
 /// Writes the sums of a whole tile, or adds them to the rows at `from`, to the rows at `to`; each with the elements from
-/// row to row.
+/// row to row. Of `HALF` a vector the second half is unspecified.
 ///
 /// # Safety
 ///
 /// There must be `R` rows of `V` vectors at both, as many rows of `left`, as many vectors in a row of `panel`, and an
 /// inner element of `left` for each row of `panel`.
 #[inline(always)]
-unsafe fn accumulate<L: Lanes, const R: usize, const V: usize, const W: usize>(
+unsafe fn accumulate<L: Lanes, const R: usize, const V: usize, const W: usize, const HALF: bool>(
     (to, stride): (*mut f32, usize),
     from: (*const f32, usize),
     mut left: Rows,
@@ -343,7 +346,9 @@ unsafe fn accumulate<L: Lanes, const R: usize, const V: usize, const W: usize>(
     for (r, sums) in sums.iter().enumerate() {
         for (v, sum) in sums.iter().enumerate() {
             // SAFETY: the caller's promise.
-            sum.store(unsafe { &mut *to.add(r * stride + v * LANES).cast() });
+            let to = unsafe { &mut *to.add(r * stride + v * LANES).cast() };
+            // The compiler leaves out what is not stored.
+            if HALF { sum.store_half(to) } else { sum.store(to) }
         }
     }
 }
