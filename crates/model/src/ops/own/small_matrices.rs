@@ -43,22 +43,18 @@ impl Scratch {
         }
     }
 
-    /// Row `i`, its padding included.
+    /// The memory of `rows` rows of `columns` elements, for which there must be room, and the elements from row to row.
     #[inline(always)]
-    pub fn row(&self, i: usize) -> &[f32] {
-        &self.values[i * self.stride..][..self.stride]
-    }
-
-    /// The memory of the first `rows` rows, and the elements from row to row.
-    #[inline(always)]
-    pub fn memory(&self, rows: usize) -> (*const f32, usize) {
-        (self.values[..rows * self.stride].as_ptr(), self.stride)
+    pub fn memory(&self, rows: usize, columns: usize) -> (*const f32, usize) {
+        self.check(rows, columns);
+        (self.values.as_ptr(), self.stride)
     }
 
     /// As [`Scratch::memory`].
     #[inline(always)]
-    pub fn memory_mut(&mut self, rows: usize) -> (*mut f32, usize) {
-        (self.values[..rows * self.stride].as_mut_ptr(), self.stride)
+    pub fn memory_mut(&mut self, rows: usize, columns: usize) -> (*mut f32, usize) {
+        self.check(rows, columns);
+        (self.values.as_mut_ptr(), self.stride)
     }
 
     /// This matrix as the left operand of a product.
@@ -86,11 +82,15 @@ impl Scratch {
         }
     }
 
-    /// Sees that there are so many rows and columns, which [`Scratch::place`] relies on.
+    /// Sees that there are so many rows and columns, and columns to the end of a vector, which [`Scratch::place`] relies on.
     #[inline(always)]
     fn check(&self, rows: usize, columns: usize) {
-        let last = (rows.max(1) - 1) * self.stride + columns.next_multiple_of(LANES);
-        assert!(last <= self.values.len(), "a product ends beyond a scratch matrix");
+        let columns = columns.next_multiple_of(LANES);
+        let end = (rows.max(1) - 1) * self.stride + columns;
+        assert!(
+            columns <= self.stride && end <= self.values.len(),
+            "a scratch matrix is too small"
+        );
     }
 
     /// Where the vector from column `j` of row `i` on lies, if there is one: see [`Scratch::check`].
@@ -256,10 +256,10 @@ mod tests {
             from.values.iter_mut().zip(numbers).for_each(|(x, n)| *x = n as f32);
             transpose(&from, rows, columns, &mut to);
             for j in 0..columns {
-                let column = (0..rows).map(|i| from.row(i)[j]);
+                let column = (0..rows).map(|i| from.values[i * from.stride + j]);
                 let (padding, width) = (std::iter::repeat(0.0), rows.next_multiple_of(LANES));
                 let expected = column.chain(padding).take(width);
-                let found = to.row(j)[..width].iter().copied();
+                let found = to.values[j * to.stride..][..width].iter().copied();
                 assert!(expected.eq(found), "{rows} x {columns}, column {j}");
             }
         }

@@ -167,11 +167,14 @@ impl HeadRows {
         self.columns.div_ceil(LANES)
     }
 
-    /// Where the first of the rows `rows` starts, after a look whether all of them lie within `values`.
+    /// Where the first of the rows `rows` starts. Sees that all of them lie within `values`, and that angles are those of
+    /// a head like this.
     #[inline(always)]
-    fn first(self, values: &[f32], rows: &Range<usize>) -> usize {
+    fn first(self, values: &[f32], rows: &Range<usize>, angles: Option<Angles<'_>>) -> usize {
         let end = self.start + (rows.end.max(1) - 1) * self.stride + self.columns;
         assert!(rows.is_empty() || end <= values.len(), "rows of a head end beyond their matrix");
+        let is_like = |angles: Angles<'_>| angles.rope.head_dim() == self.columns;
+        assert!(angles.is_none_or(is_like), "angles are those of another head");
         self.start + rows.start * self.stride
     }
 }
@@ -218,13 +221,13 @@ fn rotate_as<L: Lanes, const WHOLE: bool>(
     angles: Option<Angles<'_>>,
     scale: f32,
 ) {
-    let first = place.first(values, &rows);
+    let first = place.first(values, &rows, angles);
     let (mut from, end) = (values.as_ptr().wrapping_add(first), values.as_ptr_range().end);
-    let (mut to, stride) = to.memory_mut(rows.len());
+    let (mut to, stride) = to.memory_mut(rows.len(), place.columns);
     for t in rows {
         let angles = angles.map(|angles| angles.at(t));
         for j in (0..place.vectors()).map(|v| v * LANES) {
-            // SAFETY: row and scratch matrix have been looked at, and rows of angles are whole vectors.
+            // SAFETY: `first` and `memory_mut` have checked, and rows of angles are whole vectors.
             unsafe {
                 let mut x = read::<L, WHOLE>(from.add(j), end);
                 if let Some((along, across)) = angles {
@@ -279,13 +282,13 @@ fn rotate_back_as<L: Lanes, const WHOLE: bool>(
     angles: Option<Angles<'_>>,
     scale: f32,
 ) {
-    let first = place.first(values, &rows);
+    let first = place.first(values, &rows, angles);
     let mut to = values.as_mut_ptr().wrapping_add(first);
-    let (mut from, stride) = from.memory(rows.len());
+    let (mut from, stride) = from.memory(rows.len(), place.columns);
     for t in rows {
         let angles = angles.map(|angles| angles.at(t));
         for j in (0..place.vectors()).map(|v| v * LANES) {
-            // SAFETY: as in `rotate_as`.
+            // SAFETY: `first` and `memory` have checked, and rows of angles are whole vectors.
             unsafe {
                 let mut x = L::load(&*from.add(j).cast());
                 if let Some((along, across)) = angles {

@@ -183,23 +183,29 @@ impl Tile {
     /// The memory of its rows of `matrix`, and the elements from row to row.
     #[inline(always)]
     fn memory<L: Lanes>(self, matrix: &mut Scratch) -> (*mut f32, usize) {
-        let (memory, stride) = matrix.memory_mut(self.first + tile_rows::<L>());
-        assert!(self.extent <= stride, "a tile of {} columns has no room", self.extent);
-        (memory, stride)
+        assert!(self.extent > 0, "a tile of attention sees nothing");
+        matrix.memory_mut(self.first + tile_rows::<L>(), self.end::<L>())
     }
 
     /// Its row `r`, of what [`Tile::memory`] gives.
     #[inline(always)]
     fn row(self, (memory, stride): (*mut f32, usize), r: usize) -> Row {
-        let whole = (self.visible[r] - 1) / LANES;
+        let visible = self.visible[r].min(self.extent);
+        let whole = visible.saturating_sub(1) / LANES;
         let first = memory.wrapping_add((self.first + r) * stride);
-        Row { first, whole, left: self.visible[r] - whole * LANES }
+        Row { first, whole, left: visible - whole * LANES }
     }
 
-    /// Zeros from the vector of a row's cut to that of the end of the tile of keys that the tile's last cut lies in.
+    /// The end of the tile of keys that its last cut lies in.
+    #[inline(always)]
+    fn end<L: Lanes>(self) -> usize {
+        self.extent.next_multiple_of(tile_rows::<L>())
+    }
+
+    /// Zeros from the vector of a row's cut to that of [`Tile::end`].
     #[inline(always)]
     fn clear_rest<L: Lanes>(self, memory: (*mut f32, usize)) {
-        let end = self.extent.next_multiple_of(tile_rows::<L>()).div_ceil(LANES);
+        let end = self.end::<L>().div_ceil(LANES);
         // Mostly all rows are cut in its last vector.
         let some = self.visible[0].div_ceil(LANES) < end;
         for r in 0..if some { tile_rows::<L>() } else { 0 } {
@@ -225,7 +231,7 @@ struct Row {
 impl Row {
     #[inline(always)]
     fn load<L: Lanes>(self, v: usize) -> L {
-        // SAFETY: `Tile::memory` has checked that the row goes to the end of its last vector.
+        // SAFETY: `Tile::memory` has checked that the row goes to the vector of `Tile::end`, and no `v` lies behind it.
         L::load(unsafe { &*self.first.add(v * LANES).cast() })
     }
 
@@ -247,13 +253,13 @@ impl Row {
 fn softmax<L: Lanes>(scores: &mut Scratch, tile: Tile) -> Statistics {
     let [mut largest, mut inverse] = [[0.0; ROWS]; 2];
     let memory = tile.memory::<L>(scores);
-    for r in 0..tile_rows::<L>() {
+    for (r, largest) in largest.iter_mut().enumerate().take(tile_rows::<L>()) {
         let row = tile.row(memory, r);
         let mut vector = row.cut(row.load::<L>(row.whole), f32::MIN);
         for v in 0..row.whole {
             vector = row.load::<L>(v).max(vector);
         }
-        largest[r] = vector.largest();
+        *largest = vector.largest();
     }
     for r in 0..tile_rows::<L>() {
         inverse[r] = 1.0 / powers::<L>(tile.row(memory, r), largest[r], 1.0);
@@ -300,18 +306,18 @@ fn powers<L: Lanes>(row: Row, largest: f32, factor: f32) -> f32 {
 fn softmax_back<L: Lanes>(gradient: &mut Scratch, weights: &mut Scratch, tile: Tile) {
     let mut means = [0.0; ROWS];
     let (memory, weights) = (tile.memory::<L>(gradient), tile.memory::<L>(weights));
-    for r in 0..tile_rows::<L>() {
+    for (r, mean) in means.iter_mut().enumerate().take(tile_rows::<L>()) {
         let (row, weights) = (tile.row(memory, r), tile.row(weights, r));
         let mut sum = L::splat(0.0);
         for v in 0..row.whole {
             sum = row.load::<L>(v).mul_add(weights.load(v), sum);
         }
         let last = row.cut(row.load::<L>(row.whole), 0.0);
-        means[r] = last.mul_add(weights.load(row.whole), sum).sum();
+        *mean = last.mul_add(weights.load(row.whole), sum).sum();
     }
-    for r in 0..tile_rows::<L>() {
+    for (r, mean) in means.into_iter().enumerate().take(tile_rows::<L>()) {
         let (row, weights) = (tile.row(memory, r), tile.row(weights, r));
-        let mean = L::splat(means[r]);
+        let mean = L::splat(mean);
         for v in 0..row.whole {
             row.store(v, row.load::<L>(v).sub(mean).mul(weights.load(v)));
         }
