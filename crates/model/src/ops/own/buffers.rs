@@ -160,6 +160,9 @@ impl DerefMut for Buffer {
     }
 }
 
+/// Elements between what a pass over kept values reads and what it prefetches: they have left the cache.
+pub const AHEAD: usize = 512;
+
 /// Asks for the line of the cache that `place` lies in, if there is such a place.
 #[inline(always)]
 pub fn prefetch(place: *const f32) {

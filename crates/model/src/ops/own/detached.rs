@@ -133,7 +133,7 @@ impl Detached for Flex {
             [value, gradient, first, second].map(contiguous);
         let moments = (elements_mut(&mut first), elements_mut(&mut second));
         step_all(elements(&value), elements_mut(&mut gradient), moments.0, moments.1, step);
-        // The value is the model's too until all of its parameters are new.
+        // The model holds the old value until all parameters are updated, so its memory cannot be reused here.
         (gradient, first, second)
     }
 }

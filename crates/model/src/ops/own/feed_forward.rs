@@ -5,7 +5,9 @@
 
 use burn_flex::FlexTensor;
 
-use super::buffers::{Buffer, chunks, dims, elements, elements_mut, part, part_mut, prefetch};
+use super::buffers::{
+    AHEAD, Buffer, chunks, dims, elements, elements_mut, part, part_mut, prefetch,
+};
 use super::lanes::{LANES, Lanes};
 use super::matmul::{Start, Target, multiply, multiply_transposed};
 use super::panels::{Panels, View, transposed};
@@ -16,9 +18,6 @@ use crate::ops::Activation;
 
 /// Rows of a chunk: whole tiles of any kind.
 const CHUNK: usize = 132;
-
-/// Elements between what the backward pass reads and what it fetches for later: kept products have long left the cache.
-const AHEAD: usize = 512;
 
 /// The feed-forward half of a block, of x `[n, d]`, γ, W_up `[d, u]` and W_down `[f, d]`, where u is 2 f
 /// or f, as the activation wants; see [`Kernels::feed_forward`](crate::ops::Kernels::feed_forward).

@@ -10,7 +10,9 @@ use std::sync::Arc;
 
 use burn_flex::FlexTensor;
 
-use super::buffers::{Buffer, chunks, contiguous, elements, part, part_mut, prefetch, tensor};
+use super::buffers::{
+    AHEAD, Buffer, chunks, contiguous, elements, part, part_mut, prefetch, tensor,
+};
 use super::lanes::{LANES, Lanes};
 use super::matmul::{Start, Target, multiply_part, multiply_transposed};
 use super::panels::{Panels, View, transposed};
@@ -70,9 +72,6 @@ const CHUNK: usize = 264;
 
 /// Columns of a block, about.
 const BLOCK: usize = 512;
-
-/// Elements between the logits that are read and those that are fetched for later: many have left the cache.
-const AHEAD: usize = 512;
 
 /// The input and the parameters, row-major.
 #[derive(Clone, Copy)]

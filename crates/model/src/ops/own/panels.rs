@@ -226,6 +226,7 @@ const AHEAD: usize = 64;
 fn fill_rows<L: Lanes>(panel: &mut [f32], width: usize, matrix: View<'_>, columns: usize) {
     let sources = matrix.values.chunks(matrix.row_stride.max(columns));
     for (row, source) in panel.chunks_exact_mut(width).zip(sources) {
+        // The next panel reads it.
         prefetch(source.as_ptr().wrapping_add(width));
         let (whole, rest) = source[..columns].as_chunks::<LANES>();
         let mut to = row.as_chunks_mut::<LANES>().0.iter_mut();

@@ -43,7 +43,7 @@ impl Scratch {
         }
     }
 
-    /// The memory of `rows` rows of `columns` elements, for which there must be room, and the elements from row to row.
+    /// The first row, and the elements from row to row. Checks that there is room for `rows` rows of `columns` elements.
     #[inline(always)]
     pub fn memory(&self, rows: usize, columns: usize) -> (*const f32, usize) {
         self.check(rows, columns);

@@ -167,14 +167,14 @@ impl HeadRows {
         self.columns.div_ceil(LANES)
     }
 
-    /// Where the first of the rows `rows` starts. Sees that all of them lie within `values`, and that angles are those of
-    /// a head like this.
+    /// Where the first of `rows` starts. Checks that all of them lie within `values`, and that the angles are for heads of
+    /// as many columns.
     #[inline(always)]
     fn first(self, values: &[f32], rows: &Range<usize>, angles: Option<Angles<'_>>) -> usize {
         let end = self.start + (rows.end.max(1) - 1) * self.stride + self.columns;
         assert!(rows.is_empty() || end <= values.len(), "rows of a head end beyond their matrix");
         let is_like = |angles: Angles<'_>| angles.rope.head_dim() == self.columns;
-        assert!(angles.is_none_or(is_like), "angles are those of another head");
+        assert!(angles.is_none_or(is_like), "angles are for heads of another width");
         self.start + rows.start * self.stride
     }
 }

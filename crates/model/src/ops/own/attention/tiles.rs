@@ -180,7 +180,7 @@ impl Tile {
         Self { first, visible, extent: visible[tile_rows::<L>() - 1] }
     }
 
-    /// The memory of its rows of `matrix`, and the elements from row to row.
+    /// The first row of `matrix`, which must have room for the tile, and the elements from row to row.
     #[inline(always)]
     fn memory<L: Lanes>(self, matrix: &mut Scratch) -> (*mut f32, usize) {
         assert!(self.extent > 0, "a tile of attention sees nothing");
@@ -207,8 +207,10 @@ impl Tile {
     fn clear_rest<L: Lanes>(self, memory: (*mut f32, usize)) {
         let end = self.end::<L>().div_ceil(LANES);
         // Mostly all rows are cut in its last vector.
-        let some = self.visible[0].div_ceil(LANES) < end;
-        for r in 0..if some { tile_rows::<L>() } else { 0 } {
+        if self.visible[0].div_ceil(LANES) >= end {
+            return;
+        }
+        for r in 0..tile_rows::<L>() {
             let row = self.row(memory, r);
             for v in row.whole + 1..end {
                 row.store(v, L::splat(0.0));
@@ -217,9 +219,9 @@ impl Tile {
     }
 }
 
-/// A row of a tile: vectors that it sees, and one of which it sees the first elements.
+/// A row of a tile: whole vectors that it sees, and one more of which it sees the first elements.
 ///
-/// A pointer, since bounds of slices, which are looked at again after every store, take as long as short rows do.
+/// It is a pointer: the compiler repeats the bounds checks of slices after every store, and they take as long as a short row.
 #[derive(Clone, Copy)]
 struct Row {
     first: *mut f32,
@@ -231,7 +233,7 @@ struct Row {
 impl Row {
     #[inline(always)]
     fn load<L: Lanes>(self, v: usize) -> L {
-        // SAFETY: `Tile::memory` has checked that the row goes to the vector of `Tile::end`, and no `v` lies behind it.
+        // SAFETY: `Tile::memory` has checked that the row has the vectors up to `Tile::end`; no `v` lies after them.
         L::load(unsafe { &*self.first.add(v * LANES).cast() })
     }
 
